@@ -1,0 +1,1 @@
+"""Piston-motion laws behind one interface: fuel for the next combustion."""

@@ -1,0 +1,135 @@
+"""A byte ring in shared memory between one producing and one consuming process.
+
+The memory is an anonymous file (memfd) that both sides map; whoever holds its descriptor may
+join, and it vanishes with the last holder. The first page holds counters, the rest the bytes.
+`head` and `tail` count all bytes ever read and written, so tail - head is what waits.
+
+Each counter has one writer and is one aligned 8-byte store. A put becomes visible as a whole by
+the store of `tail`, after its bytes: a producer that is killed at any instant leaves complete
+puts only. Processors that reorder stores (ARM) are met on the reading side, see `Consumer.read`.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+
+PAGE = 4096
+_TAIL, _HEAD, _DROPPED, _CLOSED = 0, 8, 16, 24  # places of 8 bytes; one cache line each
+
+
+def create(capacity: int) -> int:
+    """Return the descriptor of a new ring of `capacity` bytes.
+
+    Raises: ValueError when the capacity is no power of two of at least one page
+    """
+    if capacity < PAGE or capacity & (capacity - 1):
+        raise ValueError(f"ring capacity {capacity}: a power of two from {PAGE} on is needed")
+    fd = os.memfd_create("hil-ring")
+    os.ftruncate(fd, PAGE + capacity)
+    return fd
+
+
+def _map(fd: int) -> tuple[memoryview, memoryview]:
+    """Return the counters and the bytes of a ring, with every page already present."""
+    flags = mmap.MAP_SHARED | mmap.MAP_POPULATE
+    shared = memoryview(mmap.mmap(fd, os.fstat(fd).st_size, flags=flags))
+    return shared[:PAGE].cast("Q"), shared[PAGE:]
+
+
+class Producer:
+    """The writing end: `put` never blocks and never makes a system call."""
+
+    __slots__ = ("_bytes", "_capacity", "_counters", "_limit", "_mask", "_tail")
+
+    def __init__(self, fd: int) -> None:
+        self._counters, self._bytes = _map(fd)
+        self._capacity = len(self._bytes)
+        self._mask = self._capacity - 1
+        self._tail = self._counters[_TAIL]
+        self._limit = self._counters[_HEAD] + self._capacity
+
+    def put(self, data: bytes) -> bool:
+        """Append the bytes as a whole; False when they do not fit."""
+        tail = self._tail
+        end = tail + len(data)
+        if end > self._limit:
+            # Only a ring that looks full is worth a look at what the other side wrote.
+            self._limit = self._counters[_HEAD] + self._capacity
+            if end > self._limit:
+                return False
+        start = tail & self._mask
+        stop = start + len(data)
+        if stop <= self._capacity:
+            self._bytes[start:stop] = data
+        else:
+            cut = self._capacity - start
+            self._bytes[start:] = data[:cut]
+            self._bytes[: stop - self._capacity] = data[cut:]
+        self._tail = self._counters[_TAIL] = end
+        return True
+
+    @property
+    def capacity(self) -> int:
+        """Bytes that the ring holds."""
+        return self._capacity
+
+    @property
+    def dropped(self) -> int:
+        """Puts that were given up, as told by `count_dropped`."""
+        return self._counters[_DROPPED]
+
+    def count_dropped(self) -> None:
+        """Tell the other side of one put that was given up."""
+        self._counters[_DROPPED] += 1
+
+    def close(self) -> None:
+        """Tell the other side that nothing more will come, and on purpose."""
+        self._counters[_CLOSED] = 1
+
+
+class Consumer:
+    """The reading end."""
+
+    def __init__(self, fd: int) -> None:
+        self._counters, self._bytes = _map(fd)
+        self._mask = len(self._bytes) - 1
+        self._head = self._counters[_HEAD]
+        self._seen = self._head
+
+    def read(self, at_most: int, *, final: bool = False) -> bytes:
+        """Return and free the bytes that were complete at the call before this one.
+
+        The tail is acted on one call late because a processor with weak ordering may show it
+        before the bytes; a poll later, microseconds at least, they are there. `final` takes
+        everything: the producer has ended, and the kernel has ordered its last stores.
+        """
+        visible = self._seen
+        self._seen = self._counters[_TAIL]
+        if final:
+            visible = self._seen
+        head = self._head
+        count = min(visible - head, at_most)
+        if not count:
+            return b""
+        start = head & self._mask
+        data = bytes(self._bytes[start : start + count])
+        if len(data) < count:
+            data += self._bytes[: count - len(data)]
+        self._head = self._counters[_HEAD] = head + count
+        return data
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that were put and not yet read."""
+        return self._counters[_TAIL] - self._head
+
+    @property
+    def dropped(self) -> int:
+        """Puts that the producer gave up."""
+        return self._counters[_DROPPED]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the producer ended on purpose."""
+        return bool(self._counters[_CLOSED])

@@ -1,0 +1,1 @@
+"""Configuration: one TOML tree, read and range-checked by pydantic."""

@@ -1,0 +1,160 @@
+"""The plant's part of the configuration and the disturbances a scenario may name."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from hil.prototypes import (
+    PROTOTYPES,
+    ForceN,
+    FuelKg,
+    Gamma,
+    GasConstant,
+    HeatingValue,
+    LengthM,
+    LoadCoefficient,
+    MassKg,
+    PositionM,
+    PressurePa,
+    Prototype,
+    Ratio,
+    TemperatureK,
+)
+
+Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
+Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+FlowScale = Annotated[float, Field(gt=0.0, le=10.0)]
+
+
+class _Strict(BaseModel):
+    """Frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class EngineOverrides(_Strict):
+    """Single figures of the prototype replaced; what is not given stays the prototype's."""
+
+    moving_mass_kg: MassKg | None = None
+    bore_m: LengthM | None = None
+    half_stroke_m: LengthM | None = None
+    compression_ratio: Ratio | None = None
+    gamma: Gamma | None = None
+    p0_pa: PressurePa | None = None
+    t0_k: TemperatureK | None = None
+    gas_constant_j_kg_k: GasConstant | None = None
+    heating_value_j_kg: HeatingValue | None = None
+    air_fuel_ratio: Ratio | None = None
+    peak_force_n: ForceN | None = None
+    ignition_from_head_m: PositionM | None = None
+    tdc_ref_m: PositionM | None = None
+    position_limit_m: PositionM | None = None
+    fuel_min_kg: FuelKg | None = None
+    fuel_max_kg: FuelKg | None = None
+
+
+class SensorConfig(_Strict):
+    """What the position and velocity sensors add to the truth; zero means nothing."""
+
+    noise_x_m: Annotated[float, Field(ge=0.0, le=1.0e-3)] = 0.0
+    noise_v_m_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    resolution_x_m: Annotated[float, Field(ge=0.0, le=1.0e-3)] = 0.0
+    resolution_v_m_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+
+class InjectorConfig(_Strict):
+    """Injector characteristic: nothing for the dead time, then the static flow until it closes."""
+
+    static_flow_kg_s: Annotated[float, Field(gt=0.0, le=0.1)] = 1.0e-3
+    dead_time_s: Annotated[float, Field(ge=0.0, le=0.01)] = 0.8e-3
+    flow_scale_left: FlowScale = 1.0
+    flow_scale_right: FlowScale = 1.0
+
+
+class PlantConfig(_Strict):
+    """Which engine, which model of it, and its actuators and sensors."""
+
+    prototype: Literal["nu", "bit"] = "nu"
+    model: Model = "harmonic"
+    load_coefficient_n_s_m: LoadCoefficient | None = None
+    engine: EngineOverrides = EngineOverrides()
+    sensors: SensorConfig = SensorConfig()
+    injector: InjectorConfig = InjectorConfig()
+    spark_window_s: Annotated[float, Field(gt=0.0, le=0.05)] = 3.0e-3
+    contact_restitution: Annotated[float, Field(ge=0.0, le=0.95)] = 0.5
+    stale_ticks: Annotated[int, Field(ge=1, le=10_000)] = 10
+
+    def resolved_prototype(self) -> Prototype:
+        """Return the prototype with this configuration's replacements, checked as a whole."""
+        given: dict[str, Any] = self.engine.model_dump(exclude_none=True)
+        if self.load_coefficient_n_s_m is not None:
+            given["load_coefficient_n_s_m"] = self.load_coefficient_n_s_m
+        return Prototype.model_validate(PROTOTYPES[self.prototype].model_dump() | given)
+
+
+class _Timed(_Strict):
+    """When: in the first stroke that starts at or after `at_s`, after a fraction of it."""
+
+    at_s: Second = 0.0
+    at_stroke_fraction: Fraction = 0.0
+
+
+class _Lasting(_Timed):
+    """A disturbance that may end, by the same rule as it begins."""
+
+    until_s: Second | None = None
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> Self:
+        if self.until_s is not None and self.until_s <= self.at_s:
+            raise ValueError(f"until_s must be greater than at_s = {self.at_s:g}")
+        return self
+
+
+class LoadScaleEvent(_Lasting):
+    """The load coefficient in force is `value` times the commanded one."""
+
+    kind: Literal["load-scale"]
+    value: Annotated[float, Field(ge=0.0, le=10.0)]
+
+
+class EfficiencyEvent(_Lasting):
+    """Combustion efficiency, drawn anew for each combustion, uniform in [low, high]."""
+
+    kind: Literal["efficiency"]
+    low: Fraction = 0.95
+    high: Fraction = 1.0
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"low must not exceed high = {self.high:g}")
+        return self
+
+
+class MisfireEvent(_Timed):
+    """The next `count` combustions fail, for want of a spark or of fuel."""
+
+    kind: Literal["misfire"]
+    at_stroke_fraction: Annotated[float, Field(ge=0.0, le=0.0)] = 0.0
+    count: Annotated[int, Field(ge=1, le=1000)] = 1
+    cause: Literal["spark", "fuel"] = "spark"
+
+
+class SensorFaultEvent(_Timed):
+    """One signal is replaced: held, set to `value`, or shifted by `value`."""
+
+    kind: Literal["sensor-fault"]
+    signal: Literal["x", "v"]
+    substitute: Literal["hold", "value", "offset"] = "hold"
+    value: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
+    duration_s: Annotated[float, Field(gt=0.0, le=1.0e6)]
+
+
+PlantEvent = Annotated[
+    LoadScaleEvent | EfficiencyEvent | MisfireEvent | SensorFaultEvent,
+    Field(discriminator="kind"),
+]

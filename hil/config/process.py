@@ -1,0 +1,76 @@
+"""Configuration of what both processes share: run, loop, link, recording, real time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from hil.config.base import Section
+
+ClockName = Literal["lockstep", "realtime"]
+LinkName = Literal["zenoh", "can", "memory", "shm"]
+
+
+class RunConfig(Section):
+    """One run: how long, with which seed."""
+
+    duration_s: float = Field(default=2.0, gt=0.0, le=86_400.0)
+    seed: int = Field(default=1, ge=0, le=2**63 - 1)
+
+
+class LoopConfig(Section):
+    """The fixed step and what paces it."""
+
+    rate_hz: int = Field(default=1000, ge=50, le=20_000)
+    clock: ClockName = "realtime"
+    peer_timeout_s: float = Field(default=5.0, gt=0.0, le=600.0)
+
+    @property
+    def period_ns(self) -> int:
+        """Length of a tick [ns]."""
+        return round(1e9 / self.rate_hz)
+
+
+class TlsConfig(Section):
+    """Mutual TLS of a Zenoh endpoint that leaves the machine."""
+
+    root_ca_certificate: Path
+    certificate: Path
+    private_key: Path
+
+
+class ZenohConfig(Section):
+    """Where the Zenoh link listens and connects; nothing beyond this machine unless said so."""
+
+    engine: str = Field(default="fpeg", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")
+    plant_endpoint: str = "tcp/127.0.0.1:7447"
+    controller_endpoint: str = "tcp/127.0.0.1:7448"
+    tls: TlsConfig | None = None
+    allow_insecure: bool = False
+
+
+class LinkConfig(Section):
+    """How plant and controller exchange frames."""
+
+    kind: LinkName = "zenoh"
+    bus: str | None = Field(default=None, pattern=r"^[a-z0-9_]+:.+$")
+    zenoh: ZenohConfig = ZenohConfig()
+
+
+class RealtimeConfig(Section):
+    """What the process asks of the operating system; what it was granted goes into the log."""
+
+    priority: int = Field(default=0, ge=0, le=98, description="SCHED_FIFO priority, 0: leave")
+    cpu: int | None = Field(default=None, ge=0, le=1023)
+    lock_memory: bool = False
+    spin_s: float = Field(default=0.15e-3, ge=0.0, le=2e-3)
+
+
+class LogConfig(Section):
+    """Recording."""
+
+    enabled: bool = True
+    plant: Path | None = None
+    controller: Path | None = None

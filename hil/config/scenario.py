@@ -1,0 +1,77 @@
+"""A scenario: what is run, which events happen, and what is expected of the run."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from hil.config.base import Section
+from hil.config.controller import ControllerConfig
+from hil.config.plant import PlantConfig, PlantEvent
+from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
+
+
+class OperatorEvent(Section):
+    """A command of the operator at a given time, as if it came over the command key."""
+
+    kind: Literal["start", "stop", "set-point"]
+    at_s: float = Field(ge=0.0, le=86_400.0)
+    tdc_ref_m: float | None = Field(default=None, gt=0.0, le=0.05)
+    target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
+
+    @model_validator(mode="after")
+    def _set_point_has_a_value(self) -> OperatorEvent:
+        given = self.tdc_ref_m is not None or self.target_power_w is not None
+        if (self.kind == "set-point") != given:
+            raise ValueError("tdc_ref_m or target_power_w belongs to kind = 'set-point', and only there")
+        return self
+
+
+Event = Annotated[PlantEvent | OperatorEvent, Field(discriminator="kind")]
+
+
+class Expectation(Section):
+    """One thing that must hold; `after_s` counts from the event named by `event`, or from 0.
+
+    within_mm: every TDC from then on lies this close to its set point
+    peak_mm: no TDC error at all exceeds this, from then on
+    mode: operating mode at the end
+    at_rest: the piston's last speed is below 1 cm/s
+    contacts: how many head contacts are allowed
+    misfires_min: at least so many misfires must have been reported by the plant
+    """
+
+    event: str | None = None
+    after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
+    within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
+    peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
+    mode: Literal["off", "motoring", "generating", "stopping", "safe"] | None = None
+    at_rest: bool | None = None
+    contacts: int | None = Field(default=None, ge=0)
+    misfires_min: int | None = Field(default=None, ge=0)
+
+
+class Scenario(Section):
+    """The whole configuration of a run: this, resolved, is what each log carries."""
+
+    name: str = Field(default="unnamed", pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
+    description: str = ""
+    begins: Literal["settled", "at-rest"] = "settled"
+    run: RunConfig = RunConfig()
+    loop: LoopConfig = LoopConfig()
+    link: LinkConfig = LinkConfig()
+    realtime: RealtimeConfig = RealtimeConfig()
+    log: LogConfig = LogConfig()
+    plant: PlantConfig = PlantConfig()
+    controller: ControllerConfig = ControllerConfig()
+    events: dict[str, Event] = Field(default_factory=dict)
+    expect: dict[str, Expectation] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _expectations_name_events(self) -> Scenario:
+        for name, expectation in self.expect.items():
+            if expectation.event is not None and expectation.event not in self.events:
+                known = ", ".join(self.events) or "none"
+                raise ValueError(f"expect.{name}.event: {expectation.event!r} is no event; known: {known}")
+        return self

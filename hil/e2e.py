@@ -1,0 +1,110 @@
+"""AUTOSAR E2E profile 2: CRC-8 (0x2F) and a 4-bit counter in every frame.
+
+The CRC covers bytes 1 to 7 of the frame and one data identifier chosen by the counter. It is
+linear, so the table of two bytes is the exclusive or of two tables of one byte, and a frame costs
+four look-ups instead of eight.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+_POLYNOMIAL: Final = 0x2F
+_INITIAL: Final = 0xFF
+_FINAL_XOR: Final = 0xFF
+_COVERED_BYTES: Final = 8  # seven of the frame and the data identifier
+
+COUNTER_MODULO: Final = 16
+MAX_DELTA: Final = 7
+"""Counter steps 2 to 7 are losses; 8 to 15 are frames older than the last one: reordered."""
+
+
+def _crc_step(crc: int) -> int:
+    """Shift eight zero bits through the polynomial."""
+    for _ in range(8):
+        crc = (crc << 1) ^ _POLYNOMIAL if crc & 0x80 else crc << 1
+        crc &= 0xFF
+    return crc
+
+
+def _byte_tables() -> list[bytes]:
+    """The contribution of each value of each covered byte, by its position from the front."""
+    table = bytes(_crc_step(value) for value in range(256))
+    tables = [table]
+    for _ in range(_COVERED_BYTES - 1):
+        tables.append(tables[-1].translate(table))
+    return tables[::-1]
+
+
+def _pair_table(low: bytes, high: bytes) -> bytes:
+    """Table of two adjacent bytes of a little-endian word."""
+    low_word = int.from_bytes(low, "little")
+    return b"".join(
+        (low_word ^ int.from_bytes(bytes([value]) * 256, "little")).to_bytes(256, "little")
+        for value in high
+    )
+
+
+def _constant() -> int:
+    """What the initial value contributes after all covered bytes, with the final inversion."""
+    crc = _INITIAL
+    for _ in range(_COVERED_BYTES):
+        crc = _crc_step(crc)
+    return crc ^ _FINAL_XOR
+
+
+_BYTES: Final = _byte_tables()
+_PAIR_1_2: Final = _pair_table(_BYTES[0], _BYTES[1])
+_PAIR_3_4: Final = _pair_table(_BYTES[2], _BYTES[3])
+_PAIR_5_6: Final = _pair_table(_BYTES[4], _BYTES[5])
+_BYTE_7: Final = _BYTES[6]
+_START: Final = _constant()
+
+
+def crc_starts(data_ids: bytes) -> bytes:
+    """Start value of the CRC by counter: the data identifier is the last covered byte.
+
+    Parameters: data_ids : the 16 data identifiers of a message
+    Returns: bytes, shape (16,)
+    """
+    return bytes(_START ^ _BYTES[7][data_id] for data_id in data_ids)
+
+
+def protect(word: int, starts: bytes) -> int:
+    """Put the CRC into bits 0 to 7 of a word whose other bits are complete."""
+    return (
+        word
+        | starts[(word >> 8) & 0xF]
+        ^ _PAIR_1_2[(word >> 8) & 0xFFFF]
+        ^ _PAIR_3_4[(word >> 24) & 0xFFFF]
+        ^ _PAIR_5_6[(word >> 40) & 0xFFFF]
+        ^ _BYTE_7[word >> 56]
+    )
+
+
+def is_intact(word: int, starts: bytes) -> bool:
+    """Whether the CRC of a received word is right."""
+    return (
+        word & 0xFF
+        ^ starts[(word >> 8) & 0xF]
+        ^ _PAIR_1_2[(word >> 8) & 0xFFFF]
+        ^ _PAIR_3_4[(word >> 24) & 0xFFFF]
+        ^ _PAIR_5_6[(word >> 40) & 0xFFFF]
+        ^ _BYTE_7[word >> 56]
+    ) == 0
+
+
+class ReceptionCounts(NamedTuple):
+    """What a receiver saw, by verdict; every frame is counted once.
+
+    `lost` counts frames that a counter step shows as missing, not frames received.
+    """
+
+    ok: int = 0
+    corrupted: int = 0
+    repeated: int = 0
+    reordered: int = 0
+    lost: int = 0
+    out_of_range: int = 0
+    unknown: int = 0
+    incomplete: int = 0

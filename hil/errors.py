@@ -1,0 +1,40 @@
+"""The error tree: every failure a user can meet has one class, one line and one exit code."""
+
+from __future__ import annotations
+
+
+class HilError(Exception):
+    """A failure that is told to the user in one line; `exit_code` is what the command ends with."""
+
+    exit_code = 3
+
+
+class ConfigError(HilError):
+    """An argument, scenario or configuration that cannot be used: names file, key and range."""
+
+    exit_code = 2
+
+
+class MissingExtraError(ConfigError):
+    """An optional library is needed for what was asked and is not installed."""
+
+    def __init__(self, library: str, extra: str, purpose: str) -> None:
+        super().__init__(f"{purpose} needs {library}: pip install 'fpeg-hil[{extra}]'")
+
+
+class LogError(HilError):
+    """A log file that cannot be used: names the file and what is wrong with it."""
+
+    exit_code = 2
+
+
+class RunError(HilError):
+    """A fault at run time: a lost peer, a process that died, a device that failed."""
+
+
+class LinkError(RunError):
+    """A link that could not be opened, or that broke."""
+
+
+class CodecError(HilError):
+    """A value that does not fit its signal, or a frame that is no message of ours."""

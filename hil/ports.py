@@ -1,0 +1,68 @@
+"""Ports: what the shells ask of the outside world. Adapters are in drivers/."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+
+class Link(Protocol):
+    """Carries batches (the frames of one tick) to the peer and back, in order.
+
+    Neither method may run anybody else's Python in the loop's thread for longer than the call.
+    """
+
+    def send(self, batch: bytes, /) -> None:
+        """Hand over one tick's frames; never blocks in real time.
+
+        Raises: LinkError when the link is broken for good
+        """
+
+    def receive(self) -> bytes | None:
+        """Return the oldest batch not yet taken, or None when there is none now."""
+
+    def wait(self, timeout_ns: int, /) -> bytes | None:
+        """Like `receive`, but wait for at most this long [ns]."""
+
+    def counters(self) -> Mapping[str, int]:
+        """Return what the link counted: dropped, send_full, errors."""
+
+    def close(self) -> None:
+        """Give everything back; the link cannot be used again."""
+
+
+class Clock(Protocol):
+    """Monotonic time; the only source of it."""
+
+    def now_ns(self) -> int:
+        """Return the time on a monotonic clock [ns]."""
+
+    def sleep_until(self, deadline_ns: int, /) -> None:
+        """Return at or just after a time on that clock [ns]."""
+
+
+class Recorder(Protocol):
+    """Takes complete log records; never blocks in real time."""
+
+    def put(self, data: bytes, /) -> bool:
+        """Hand over the records of one tick; False when they were dropped."""
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Finish the file.
+
+        Raises: LogError when it could not be finished
+        """
+
+
+class CommandSource(Protocol):
+    """Where operator commands come from."""
+
+    def poll(self) -> tuple[str, bytes] | None:
+        """Return (origin, raw command) of the oldest command not yet taken, or None."""
+
+
+class StatusSink(Protocol):
+    """Where a process says how it is, some ten times a second."""
+
+    def publish(self, status: Mapping[str, object], /) -> None:
+        """Publish; never blocks."""

@@ -1,0 +1,253 @@
+"""Log records, declared once: byte layout, ROS 2 definition and packing follow from the fields.
+
+A record is a class whose annotations carry a `Field` each. Its bytes in the log are CDR, which
+for fixed-size fields is a little-endian C struct with natural alignment, so that the loop packs a
+complete MCAP Message record with one precompiled `struct.pack`.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, get_type_hints
+
+CDR_LE = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little endian
+MESSAGE = 0x05  # opcode of an MCAP Message record
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
+PAYLOAD_OFFSET = MESSAGE_HEAD.size + len(CDR_LE)
+_LENGTH_BASE = PAYLOAD_OFFSET - 9  # what the length field counts besides the fields
+
+# ROS 2 type: struct code, size in bytes (which is also its alignment)
+_SCALARS = {
+    "bool": ("?", 1),
+    "uint8": ("B", 1),
+    "int8": ("b", 1),
+    "uint16": ("H", 2),
+    "int16": ("h", 2),
+    "uint32": ("I", 4),
+    "int32": ("i", 4),
+    "uint64": ("Q", 8),
+    "int64": ("q", 8),
+    "float32": ("f", 4),
+    "float64": ("d", 8),
+}
+_VARIABLE = ("string", "uint8[]")
+_ARRAY = re.compile(r"(\w+)\[(\d+)\]")
+_LINE = re.compile(r"(\S+)\s+(\w+)(?:\s+#\s*(?:\[([^\]]*)\]\s*)?(.*))?")
+
+
+class Field(NamedTuple):
+    """One field of a record: ROS 2 type, meaning, unit; the name comes from the annotation."""
+
+    type: str
+    text: str
+    unit: str = ""
+    name: str = ""
+
+
+class Record:
+    """Base of the record declarations; they are read, never instantiated."""
+
+
+def fields_of(record: type[Record]) -> tuple[Field, ...]:
+    """Return the declared fields of a record class, in order.
+
+    Raises: TypeError when a field carries no `Field`
+    """
+    hints = get_type_hints(record, include_extras=True)
+    fields = []
+    for name, hint in hints.items():
+        found = [m for m in getattr(hint, "__metadata__", ()) if isinstance(m, Field)]
+        if len(found) != 1:
+            raise TypeError(f"{record.__name__}.{name}: exactly one Field(...) is needed")
+        fields.append(found[0]._replace(name=name))
+    return tuple(fields)
+
+
+def definition(fields: tuple[Field, ...], text: str) -> str:
+    """Return the ROS 2 message definition of the fields; units stand in brackets."""
+    lines = [f"# {line.strip()}".rstrip() for line in text.strip().splitlines()]
+    for field in fields:
+        unit = f"[{field.unit}] " if field.unit else ""
+        lines.append(f"{field.type} {field.name}  # {unit}{field.text}")
+    return "\n".join(lines) + "\n"
+
+
+def parse_definition(text: str) -> tuple[Field, ...]:
+    """Return the fields of a ROS 2 message definition of scalars, fixed arrays and byte strings.
+
+    Raises: ValueError when a line is no field, or a type is none of those
+    """
+    fields = []
+    for line in text.splitlines():
+        bare = line.strip()
+        if not bare or bare.startswith("#"):
+            continue
+        match = _LINE.fullmatch(bare)
+        if match is None:
+            raise ValueError(f"no field definition: {bare!r}")
+        kind, name, unit, meaning = match.groups()
+        if kind not in _VARIABLE:
+            _scalar(kind)
+        fields.append(Field(kind, meaning or "", unit or "", name))
+    return tuple(fields)
+
+
+def _scalar(kind: str) -> tuple[str, int, int | None]:
+    """Return struct code, size and array length (None: a scalar) of a fixed-size type."""
+    array = _ARRAY.fullmatch(kind)
+    base, count = (array[1], int(array[2])) if array else (kind, None)
+    if base not in _SCALARS:
+        accepted = ", ".join([*_SCALARS, *_VARIABLE])
+        raise ValueError(f"type {kind!r}: accepted are {accepted} and fixed arrays like uint8[4]")
+    code, size = _SCALARS[base]
+    return code, size, count
+
+
+class Layout:
+    """Where the fields of a record lie in its CDR payload (behind the 4 encapsulation bytes).
+
+    `size` counts the fixed-size fields, which come first; `format` is their struct format;
+    `numpy_spec` is what `numpy.dtype` takes; `variable` are the fields of variable size.
+    """
+
+    def __init__(self, fields: tuple[Field, ...]) -> None:
+        self.fields = fields
+        fixed = [field for field in fields if field.type not in _VARIABLE]
+        self.variable = fields[len(fixed) :]
+        if any(field.type not in _VARIABLE for field in self.variable):
+            raise ValueError("fields of variable size come last")
+        self._fixed = tuple((field.name, *_scalar(field.type)) for field in fixed)
+        self.format, self.size, offsets = _align(self._fixed)
+        self._lead = struct.Struct(self.format)
+        self.numpy_spec: dict[str, Any] = {
+            "names": [name for name, *_ in self._fixed],
+            "formats": [
+                f"<{code}{size}" if n is None else (f"<{code}{size}", (n,))
+                for name, code, size, n in _numpy_codes(self._fixed)
+            ],
+            "offsets": offsets,
+            "itemsize": self.size,
+        }
+
+    def unpack(self, payload: bytes) -> tuple[Any, ...]:
+        """Return the values of one payload, fixed arrays as tuples.
+
+        Raises: ValueError when the payload is shorter than its fields
+        """
+        if len(payload) < self.size:
+            raise ValueError(f"payload has {len(payload)} bytes, its fields need {self.size}")
+        flat = iter(self._lead.unpack_from(payload))
+        values = [
+            next(flat) if count is None else tuple(next(flat) for _ in range(count))
+            for _, _, _, count in self._fixed
+        ]
+        return (*values, *self._tail(payload))
+
+    def _tail(self, payload: bytes) -> Iterator[Any]:
+        offset = self.size
+        for field in self.variable:
+            offset += -offset % 4
+            start = offset + 4
+            length = int.from_bytes(payload[offset:start], "little")
+            offset = start + length
+            if len(payload) < offset:
+                raise ValueError(f"payload has {len(payload)} bytes, {field.name} ends at {offset}")
+            raw = bytes(payload[start:offset])
+            yield raw[:-1].decode() if field.type == "string" else raw
+
+
+_Fixed = tuple[tuple[str, str, int, int | None], ...]
+
+
+def _align(fixed: _Fixed) -> tuple[str, int, list[int]]:
+    """Return struct format, size and offsets with every field at a multiple of its size."""
+    parts, offsets, offset = ["<"], [], 0
+    for _, code, size, count in fixed:
+        pad = -offset % size
+        parts.append("x" * pad + (code if count is None else f"{count}{code}"))
+        offsets.append(offset + pad)
+        offset += pad + size * (1 if count is None else count)
+    return "".join(parts), offset, offsets
+
+
+def _numpy_codes(fixed: _Fixed) -> Iterator[tuple[str, str, int, int | None]]:
+    for name, code, size, count in fixed:
+        kind = "b" if code == "?" else "f" if code in "fd" else "u" if code.isupper() else "i"
+        yield name, kind, size, count
+
+
+def _text(value: str | bytes) -> bytes:
+    return value if isinstance(value, bytes) else value.encode() + b"\0"
+
+
+def _pack_tail(*values: str | bytes) -> bytes:
+    """Return strings and byte sequences as CDR that starts at a multiple of 4."""
+    out = bytearray()
+    for value in values:
+        raw = _text(value)
+        out += bytes(-len(out) % 4) + len(raw).to_bytes(4, "little") + raw
+    return bytes(out)
+
+
+def packer(layout: Layout, channel_id: int) -> Callable[..., bytes]:
+    """Return `pack(*fields) -> bytes`: one record as a complete MCAP Message record.
+
+    log_time = publish_time = t_ns and sequence = tick: both fields are obligatory. The function
+    is written out and compiled, as `collections.namedtuple` does, since a call with the fields
+    in place costs a third of one that collects and spreads them.
+
+    Raises: ValueError when `tick` or `t_ns` is missing. The returned function raises
+    struct.error for a value outside its type
+    """
+    names = [field.name for field in layout.fields]
+    if not {"tick", "t_ns"} <= set(names):
+        raise ValueError("a log record needs the fields tick and t_ns")
+    fixed = ", ".join(
+        field.name if _scalar(field.type)[2] is None else f"*{field.name}"
+        for field in layout.fields[: len(layout.fields) - len(layout.variable)]
+    )
+    stamp = f"tick, t_ns, t_ns, {CDR_LE!r}, {fixed}"
+    scope: dict[str, Any] = {"tail_of": _pack_tail}
+    body = layout.format[1:]
+    if not layout.variable:
+        head = struct.pack("<BQH", MESSAGE, _LENGTH_BASE + layout.size, channel_id)
+        scope["pack_into_one"] = struct.Struct(f"<11sIQQ4s{body}").pack
+        code = f"return pack_into_one({head!r}, {stamp})"
+    else:
+        pad = -layout.size % 4
+        base = _LENGTH_BASE + layout.size + pad
+        scope["pack_into_one"] = struct.Struct(f"<BQHIQQ4s{body}{'x' * pad}").pack
+        tail = ", ".join(field.name for field in layout.variable)
+        code = (
+            f"tail = tail_of({tail}); return "
+            f"pack_into_one({MESSAGE}, {base} + len(tail), {channel_id}, {stamp}) + tail"
+        )
+        if [field.type for field in layout.variable] == ["uint8[]"]:  # per tick: no detour
+            scope["pack_into_one"] = struct.Struct(f"<BQHIQQ4s{body}{'x' * pad}I").pack
+            code = (
+                f"size = len({tail}); return pack_into_one("
+                f"{MESSAGE}, {base + 4} + size, {channel_id}, {stamp}, size) + {tail}"
+            )
+    exec(f"def pack({', '.join(names)}): {code}", scope)
+    pack: Callable[..., bytes] = scope["pack"]
+    pack.__doc__ = "Return the record as a complete MCAP Message record."
+    return pack
+
+
+class Topic:
+    """A record class under a name and a channel number of the log.
+
+    `pack(*fields)` is what the loop calls; `layout`, `definition` and `schema_name` describe it.
+    """
+
+    def __init__(self, name: str, channel_id: int, record: type[Record]) -> None:
+        fields = fields_of(record)
+        self.name = name
+        self.channel_id = channel_id
+        self.record = record
+        self.layout = Layout(fields)
+        self.schema_name = f"fpeg_hil/msg/{record.__name__}"
+        self.definition = definition(fields, record.__doc__ or "")
+        self.pack = packer(self.layout, channel_id)

@@ -1,0 +1,1 @@
+"""The engine: fast-response models, actuation, disturbances, sensors, and the plant process."""
