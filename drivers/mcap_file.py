@@ -35,7 +35,7 @@ from hil.records import MESSAGE, MESSAGE_HEAD
 
 MAGIC = b"\x89MCAP0\r\n"
 _INDEX_HEAD = struct.Struct("<BQHI")
-# Level 1 compresses the records of a run as well as 3 and in half the time.
+# Level 1 makes files 5 % larger than level 3 in three quarters of its time.
 _LEVEL = 1
 
 
@@ -53,7 +53,7 @@ class MessageIndex(NamedTuple):
 
 
 class _WrittenChunk(NamedTuple):
-    index: ChunkIndex
+    location: ChunkIndex
     counts: dict[int, int]
     crc_before: int
 
@@ -85,7 +85,8 @@ def _bytes_of(*records: _Writable) -> bytes:
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
-    return builder.end()
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
 
 
 class McapFile:
@@ -185,7 +186,7 @@ class McapFile:
                 if not self._chunks:
                     raise
                 last = self._chunks.pop()
-                self._cut(last.index.chunk_start_offset)
+                self._cut(last.location.chunk_start_offset)
                 self._crc = last.crc_before
                 self._metadata = [m for m in self._metadata if m.offset < self._size]
             else:
@@ -198,7 +199,7 @@ class McapFile:
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [chunk.index for chunk in self._chunks]),
+            (Opcode.CHUNK_INDEX, [chunk.location for chunk in self._chunks]),
             (Opcode.ATTACHMENT_INDEX, self._attachments),
             (Opcode.METADATA_INDEX, self._metadata),
         ]
@@ -225,8 +226,10 @@ class McapFile:
             channel_message_counts=counts,
             chunk_count=len(self._chunks),
             message_count=sum(counts.values()),
-            message_end_time=max((c.index.message_end_time for c in self._chunks), default=0),
-            message_start_time=min((c.index.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.location.message_end_time for c in self._chunks), default=0),
+            message_start_time=min(
+                (c.location.message_start_time for c in self._chunks), default=0
+            ),
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )

@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -22,6 +23,8 @@ from hil.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
 CHUNK_BYTES = 256 << 10
+# The end of the writing process, and nothing else, is what ends a recorder process.
+_HELD_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _POLL_MS = 1
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
@@ -68,7 +71,7 @@ class Recorder:
         self._process = process
         self._blocking = blocking
         self._gone = False
-        self._result: LogResult | None = None
+        self._result: LogResult | RunError | None = None
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN | select.POLLHUP)
 
@@ -137,22 +140,29 @@ class Recorder:
         return self._producer.dropped
 
     def close(self, timeout_s: float = 10.0) -> LogResult:
-        """Wait until the log is finished; a second call returns the same.
+        """Wait until the log is finished; a second call ends as the first did.
 
         Raises: RunError when it was not finished in time, or not all of it could be written
         """
         if self._result is None:
             self._producer.close()
-            result = self._wait_for_result(timeout_s)
-            if result["error"]:
-                lost = f"{result['lost_bytes']} bytes of records are lost"
-                raise RunError(f"log {self._path} ends early: {result['error']}; {lost}")
-            self._result = LogResult(result["messages"], result["dropped"])
+            try:
+                self._result = self._finish(timeout_s)
+            except RunError as error:
+                self._result = error
+        if isinstance(self._result, RunError):
+            raise self._result
         return self._result
+
+    def _finish(self, timeout_s: float) -> LogResult:
+        result = self._wait_for_result(timeout_s)
+        if result["error"]:
+            lost = f"{result['lost_bytes']} bytes of records are lost"
+            raise RunError(f"log {self._path} ends early: {result['error']}; {lost}")
+        return LogResult(result["messages"], result["dropped"])
 
     def _wait_for_result(self, timeout_s: float) -> dict[str, Any]:
         deadline_s = time.monotonic() + timeout_s
-        late = f"log {self._path} was not finished within {timeout_s:g} s"
         with self._control as control:
             control.shutdown(socket.SHUT_WR)
             control.settimeout(timeout_s)
@@ -160,6 +170,7 @@ class Recorder:
                 answer = control.recv(1 << 16)
                 self._process.wait(max(deadline_s - time.monotonic(), 0.1))
             except (TimeoutError, subprocess.TimeoutExpired):
+                late = f"log {self._path} was not finished within {timeout_s:g} s"
                 raise RunError(late) from None
             except ConnectionError:
                 answer = b""
@@ -231,11 +242,16 @@ def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:
         standard_input.seek(0)
         root = str(Path(__file__).resolve().parent.parent)
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "drivers.recorder_process"],
-            stdin=standard_input,
-            stdout=subprocess.DEVNULL,
-            pass_fds=(config["out"], config["ring"], config["control"]),
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-            start_new_session=True,
-        )
+        # Held back until the new process, which inherits the mask, can ignore them itself.
+        held = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_SIGNALS)
+        try:
+            return subprocess.Popen(
+                [sys.executable, "-P", "-m", "drivers.recorder_process"],
+                stdin=standard_input,
+                stdout=subprocess.DEVNULL,
+                pass_fds=(config["out"], config["ring"], config["control"]),
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+                start_new_session=True,
+            )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, held)

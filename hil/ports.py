@@ -24,6 +24,15 @@ class Link(Protocol):
     def wait(self, timeout_ns: int, /) -> bytes | None:
         """Like `receive`, but wait for at most this long [ns]."""
 
+    def peer_alive(self) -> bool:
+        """Whether the peer takes part by now; cheap enough for every tick."""
+
+    def wait_for_peer(self, timeout_s: float) -> None:
+        """Return when the peer takes part.
+
+        Raises: LinkError when it does not within the time
+        """
+
     def counters(self) -> Mapping[str, int]:
         """Return what the link counted: dropped, send_full, errors."""
 
@@ -44,14 +53,8 @@ class Clock(Protocol):
 class Recorder(Protocol):
     """Takes complete log records; never blocks in real time."""
 
-    def put(self, data: bytes, /) -> bool:
-        """Hand over the records of one tick; False when they were dropped."""
-
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Finish the file.
-
-        Raises: LogError when it could not be finished
-        """
+    def put(self, data: bytes, /) -> None:
+        """Hand over the records of one tick; what finds no room is dropped and counted."""
 
 
 class CommandSource(Protocol):

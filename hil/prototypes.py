@@ -73,7 +73,7 @@ class Prototype(BaseModel):
         return air_kg / (self.gas_constant_j_kg_k * self.t0_k * self.air_fuel_ratio)
 
     def stiffness_n_m(self, fuel_kg: float) -> float:
-        """k = 2 gamma p0 A / Ls + gamma E / Ls^2     (thesis eq. 5.56)."""
+        """Stiffness k = 2 gamma p0 A / Ls + gamma E / Ls^2     (thesis eq. 5.56)."""
         energy_j = self.energy_j_kg * fuel_kg
         return self.rest_stiffness_n_m + self.gamma * energy_j / self.half_stroke_m**2
 

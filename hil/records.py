@@ -121,7 +121,7 @@ class Layout:
         self._fixed = tuple((field.name, *_scalar(field.type)) for field in fixed)
         self.format, self.size, offsets = _align(self._fixed)
         self._lead = struct.Struct(self.format)
-        self.numpy_spec: dict[str, Any] = {
+        self.numpy_spec: Any = {
             "names": [name for name, *_ in self._fixed],
             "formats": [
                 f"<{code}{size}" if n is None else (f"<{code}{size}", (n,))
@@ -204,36 +204,35 @@ def packer(layout: Layout, channel_id: int) -> Callable[..., bytes]:
     names = [field.name for field in layout.fields]
     if not {"tick", "t_ns"} <= set(names):
         raise ValueError("a log record needs the fields tick and t_ns")
-    fixed = ", ".join(
-        field.name if _scalar(field.type)[2] is None else f"*{field.name}"
-        for field in layout.fields[: len(layout.fields) - len(layout.variable)]
-    )
-    stamp = f"tick, t_ns, t_ns, {CDR_LE!r}, {fixed}"
-    scope: dict[str, Any] = {"tail_of": _pack_tail}
-    body = layout.format[1:]
-    if not layout.variable:
-        head = struct.pack("<BQH", MESSAGE, _LENGTH_BASE + layout.size, channel_id)
-        scope["pack_into_one"] = struct.Struct(f"<11sIQQ4s{body}").pack
-        code = f"return pack_into_one({head!r}, {stamp})"
-    else:
-        pad = -layout.size % 4
-        base = _LENGTH_BASE + layout.size + pad
-        scope["pack_into_one"] = struct.Struct(f"<BQHIQQ4s{body}{'x' * pad}").pack
-        tail = ", ".join(field.name for field in layout.variable)
-        code = (
-            f"tail = tail_of({tail}); return "
-            f"pack_into_one({MESSAGE}, {base} + len(tail), {channel_id}, {stamp}) + tail"
-        )
-        if [field.type for field in layout.variable] == ["uint8[]"]:  # per tick: no detour
-            scope["pack_into_one"] = struct.Struct(f"<BQHIQQ4s{body}{'x' * pad}I").pack
-            code = (
-                f"size = len({tail}); return pack_into_one("
-                f"{MESSAGE}, {base + 4} + size, {channel_id}, {stamp}, size) + {tail}"
-            )
+    fixed = layout.fields[: len(layout.fields) - len(layout.variable)]
+    values = [f.name if _scalar(f.type)[2] is None else f"*{f.name}" for f in fixed]
+    stamped = ", ".join(["tick", "t_ns", "t_ns", repr(CDR_LE), *values])
+    write = _write_variable if layout.variable else _write_fixed
+    form, code = write(layout, channel_id, stamped)
+    scope: dict[str, Any] = {"into_one": struct.Struct(form).pack, "tail_of": _pack_tail}
     exec(f"def pack({', '.join(names)}): {code}", scope)
     pack: Callable[..., bytes] = scope["pack"]
     pack.__doc__ = "Return the record as a complete MCAP Message record."
     return pack
+
+
+def _write_fixed(layout: Layout, channel_id: int, stamped: str) -> tuple[str, str]:
+    """Return struct format and body of a `pack` whose records all have one size."""
+    head = struct.pack("<BQH", MESSAGE, _LENGTH_BASE + layout.size, channel_id)
+    return f"<11sIQQ4s{layout.format[1:]}", f"return into_one({head!r}, {stamped})"
+
+
+def _write_variable(layout: Layout, channel_id: int, stamped: str) -> tuple[str, str]:
+    """Return struct format and body of a `pack` that appends strings and byte sequences."""
+    pad = -layout.size % 4
+    form = f"<BQHIQQ4s{layout.format[1:]}{'x' * pad}"
+    base = _LENGTH_BASE + layout.size + pad
+    tail = ", ".join(field.name for field in layout.variable)
+    if [field.type for field in layout.variable] == ["uint8[]"]:  # frames, every tick: no detour
+        head = f"{MESSAGE}, {base + 4} + size, {channel_id}"
+        return f"{form}I", f"size = len({tail}); return into_one({head}, {stamped}, size) + {tail}"
+    head = f"{MESSAGE}, {base} + len(tail), {channel_id}"
+    return form, f"tail = tail_of({tail}); return into_one({head}, {stamped}) + tail"
 
 
 class Topic:

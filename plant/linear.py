@@ -49,6 +49,7 @@ def segment(
     m: float,
     c: float,
     k: float,
+    *,
     force_n: float,
     sine_n: float,
     x: float,

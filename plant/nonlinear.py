@@ -15,7 +15,7 @@ from plant.linear import CONTACT, DEAD_CENTRE, NO_STOP
 CONTACT_GAP_M = 1.0e-4
 # Step per metre of the nearer gap: the gas spring stiffens as 1/gap^(gamma + 1), see docs/model.md.
 STEP_PER_GAP_S_M = 0.020
-_MAX_STEP_S = 2.5e-4
+_MAX_STEP_S = 5.0e-4
 _GAP_SHARE = 0.25
 _MIN_STEP_S = 1.0e-9
 _TIME_TOLERANCE_S = 1.0e-13

@@ -47,13 +47,18 @@ class OpenLoopConfig(Section):
 
 
 class StartConfig(Section):
-    """Starting by motoring in resonance (thesis section 6.1.3, level 1)."""
+    """Starting by motoring in resonance (thesis section 6.1.3, level 1).
+
+    force_n: limit of the motoring force
+    amplitude_ratio: amplitude that motoring aims at, as a share of the TDC set point
+    ignition_ratio: amplitude from which a stroke may be fired, likewise
+    open_strokes: fired strokes on the steady fuel before the law takes over
+    """
 
     force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
-    force_max_n: float = Field(default=400.0, gt=0.0, le=4000.0)
-    amplitude_m: Metres = 0.0140
-    ignition_amplitude_m: Metres = 0.0125
-    confirm_strokes: int = Field(default=1, ge=1, le=20)
+    amplitude_ratio: float = Field(default=0.90, gt=0.1, le=1.1)
+    ignition_ratio: float = Field(default=0.80, gt=0.1, le=1.1)
+    open_strokes: int = Field(default=3, ge=1, le=100)
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
 
 

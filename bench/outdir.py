@@ -1,0 +1,103 @@
+"""The directory of a run: where it is, and that nothing in it is lost by accident."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from hil.errors import ConfigError
+
+
+class RunFiles(NamedTuple):
+    """What a run writes into its directory."""
+
+    directory: Path
+
+    @property
+    def plant_log(self) -> Path:
+        """Log of the plant process."""
+        return self.directory / "plant.mcap"
+
+    @property
+    def controller_log(self) -> Path:
+        """Log of the controller process."""
+        return self.directory / "controller.mcap"
+
+    @property
+    def scenario(self) -> Path:
+        """The resolved configuration that both processes read."""
+        return self.directory / "scenario.json"
+
+    @property
+    def summary(self) -> Path:
+        """Verdict and figures, for programs."""
+        return self.directory / "summary.json"
+
+    @property
+    def report(self) -> Path:
+        """Figures and pictures, for people."""
+        return self.directory / "report.html"
+
+    def errors_of(self, process: str) -> Path:
+        """Everything that a process wrote to its standard error, if it wrote anything."""
+        return self.directory / f"{process}.stderr"
+
+    def existing(self) -> list[Path]:
+        """Return the files of an earlier run that are there."""
+        written = (
+            self.plant_log,
+            self.controller_log,
+            self.scenario,
+            self.summary,
+            self.report,
+            *(self.errors_of(name) for name in ("plant", "controller", "loop")),
+        )
+        return [path for path in written if path.exists()]
+
+
+def prepare(name: str, out: Path | None, *, force: bool) -> RunFiles:
+    """Make the directory of a new run.
+
+    Without `out` it is runs/NAME-DATE-TIME. An earlier run is replaced only by force; files that
+    no run writes stay where they are in any case.
+
+    Raises: ConfigError when the directory holds an earlier run or cannot be made
+    """
+    directory = _fresh(name) if out is None else out
+    files = RunFiles(directory)
+    earlier = files.existing()
+    if earlier and not force:
+        raise ConfigError(
+            f"--out {directory}: holds an earlier run ({earlier[0].name}); accepted is another "
+            "directory, or --force to replace it"
+        )
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for path in earlier:
+            path.unlink()
+    except OSError as error:
+        raise ConfigError(f"--out {directory}: {error.strerror}") from None
+    return files
+
+
+def opened(directory: Path) -> RunFiles:
+    """Return the files of a finished run.
+
+    Raises: ConfigError when the directory holds no run
+    """
+    files = RunFiles(directory)
+    for needed in (files.scenario, files.plant_log, files.controller_log):
+        if not needed.is_file():
+            raise ConfigError(f"{directory}: no finished run: {needed.name} is missing")
+    return files
+
+
+def _fresh(name: str) -> Path:
+    """Return a directory that does not exist yet."""
+    base = Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    directory, number = base, 2
+    while directory.exists():
+        directory = base.with_name(f"{base.name}-{number}")
+        number += 1
+    return directory

@@ -1,0 +1,83 @@
+"""Plant and controller in one process and one thread, over the memory link."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import controller.main
+import plant.main
+from controller.loop import ControllerLoop
+from drivers.links import open_memory
+from drivers.process import Stop, guarded, last_words, open_recorder, read_scenario
+from hil.config.scenario import Scenario
+from hil.ports import Link
+from hil.realtime import prepare
+
+
+def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None) -> int:
+    """Run both loops in turn: the controller answers inside the plant's send.
+
+    Raises: ConfigError
+    """
+    stop = Stop()
+    stop.listen()
+    plant_end, controller_end = open_memory()
+    recorders = (
+        open_recorder(plant_log, scenario, "plant"),
+        open_recorder(controller_log, scenario, "controller"),
+    )
+    try:
+        plant_loop = plant.main.make_loop(scenario, plant_end, recorders[0])
+        controller_loop = controller.main.make_loop(
+            scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
+        )
+        plant_end.link.on_send = _turn_of(controller_loop, controller_end.link)
+        granted = prepare(scenario.realtime)
+        start_s = time.perf_counter()
+        tick, ticks = 0, plant.main.ticks_of(scenario)
+        while tick < ticks and not stop.requested:
+            tick = plant_loop.turn(tick)
+        loop_s = time.perf_counter() - start_s
+    finally:
+        for recorder in recorders:
+            recorder.close()
+    last_words(
+        {
+            "plant": plant.main.facts(plant_loop, plant_end, tick),
+            "controller": controller.main.facts(controller_loop, controller_end),
+            "granted": granted,
+            "loop_s": loop_s,
+            "times_real_time": tick / scenario.loop.rate_hz / loop_s,
+        }
+    )
+    plant.main.raise_if_lost(plant_loop)
+    return 0
+
+
+def _turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:
+    """The controller's turn, for the memory link to run at the end of the plant's send."""
+
+    def turn() -> None:
+        loop.turn(link.receive())
+
+    return turn
+
+
+def main() -> int:
+    """Entry point of `python -m bench.single`."""
+    parser = argparse.ArgumentParser(prog="single")
+    parser.add_argument("--config", type=Path, required=True)
+    parser.add_argument("--plant-log", type=Path)
+    parser.add_argument("--controller-log", type=Path)
+    given = parser.parse_args()
+    return guarded(
+        lambda: run(read_scenario(given.config), given.plant_log, given.controller_log)
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""Operator commands: checked where they enter, logged with their origin."""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+
+from hil.errors import ConfigError
+
+KINDS = ("start", "stop", "set-point")
+_NUMBERS = {"tdc_ref_m": (0.001, 0.05), "target_power_w": (0.0, 10_000.0)}
+
+
+class OperatorCommand(NamedTuple):
+    """One accepted command; numbers that were not given are None."""
+
+    kind: str
+    tdc_ref_m: float | None = None
+    target_power_w: float | None = None
+    origin: str = "scenario"
+
+
+def parse(raw: bytes, origin: str) -> OperatorCommand:
+    """Read a command from its JSON form, as in {"kind": "set-point", "tdc_ref_m": 0.015}.
+
+    Raises: ConfigError that names what is wrong and what is accepted
+    """
+    try:
+        fields = json.loads(raw)
+    except ValueError:
+        raise ConfigError(f"command from {origin}: not JSON") from None
+    if not isinstance(fields, dict) or fields.get("kind") not in KINDS:
+        raise ConfigError(f"command from {origin}: kind must be one of {', '.join(KINDS)}")
+    unknown = set(fields) - {"kind", *_NUMBERS}
+    if unknown:
+        raise ConfigError(
+            f"command from {origin}: unknown key {sorted(unknown)[0]!r};"
+            f" accepted: kind, {', '.join(_NUMBERS)}"
+        )
+    numbers = {key: _number(fields, key, origin) for key in _NUMBERS}
+    given = any(value is not None for value in numbers.values())
+    if given != (fields["kind"] == "set-point"):
+        raise ConfigError(
+            f"command from {origin}: {', '.join(_NUMBERS)} belong to set-point, and only there"
+        )
+    return OperatorCommand(fields["kind"], origin=origin, **numbers)
+
+
+def _number(fields: dict[str, object], key: str, origin: str) -> float | None:
+    """One optional number within its range."""
+    value = fields.get(key)
+    if value is None:
+        return None
+    low, high = _NUMBERS[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        raise ConfigError(
+            f"command from {origin}: {key} = {value!r}; accepted: {low:g} to {high:g}"
+        )
+    return float(value)

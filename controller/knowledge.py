@@ -1,0 +1,65 @@
+"""What the controller believes of its engine: the closed form of eq. 5.60, solved backwards.
+
+The plant may differ (another model, other parameters); the loops take up the difference.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from hil.prototypes import Prototype
+
+_NEWTON_STEPS = 60
+
+
+class OperatingPoint(NamedTuple):
+    """A steady state: fuel a stroke [kg], speed at mid-stroke [m/s], duration of a stroke [s]."""
+
+    fuel_kg: float
+    v_mid_m_s: float
+    stroke_s: float
+
+
+def operating_point(engine: Prototype, tdc_m: float, load_n_s_m: float) -> OperatingPoint:
+    """Steady state of the phase-locked engine at a TDC and a load.
+
+    X = F0 / (c omega) and m omega^2 = k0 + gamma E / Ls^2, with F0 = 4 E / (pi Ls), give
+    m omega^2 - (pi gamma c X / (4 Ls)) omega - k0 = 0     (thesis eqs. 5.56 to 5.60)
+    """
+    m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
+    b = math.pi * engine.gamma * load_n_s_m * tdc_m / (4.0 * Ls)
+    omega = (b + math.sqrt(b * b + 4.0 * m * k0)) / (2.0 * m)
+    energy = math.pi * Ls * load_n_s_m * omega * tdc_m / 4.0
+    return OperatingPoint(energy / engine.energy_j_kg, omega * tdc_m, math.pi / omega)
+
+
+def load_for_power(engine: Prototype, tdc_m: float, power_w: float) -> float:
+    """Load coefficient at which the steady engine delivers a power [N s/m].
+
+    P = c (X omega)^2 / 2, put into the equation of `operating_point`:
+    m omega^2 - pi gamma P / (2 Ls X omega) - k0 = 0
+    """
+    m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
+    d = math.pi * engine.gamma * power_w / (2.0 * Ls * tdc_m)
+    omega = math.sqrt(k0 / m) + (d / m) ** (1.0 / 3.0)
+    for _ in range(_NEWTON_STEPS):
+        step = (m * omega**2 - d / omega - k0) / (2.0 * m * omega + d / omega**2)
+        omega -= step
+        if abs(step) < 1e-12 * omega:
+            break
+    return 2.0 * power_w / (tdc_m * omega) ** 2
+
+
+def motoring_force(
+    engine: Prototype, x_m: float, v_m_s: float, direction: int, amplitude_m: float
+) -> float:
+    """Force in the direction of motion that makes the next dead centre lie at an amplitude [N].
+
+    F (X - d x) = k0 (X^2 - x^2 - m v^2 / k0) / 2: the work that the air springs still lack
+    (thesis eq. 5.80 for k0; undamped, since the machine does not brake while motoring).
+    """
+    k0 = engine.rest_stiffness_n_m
+    lacking = 0.5 * (k0 * (amplitude_m**2 - x_m**2) - engine.moving_mass_kg * v_m_s**2)
+    way = max(amplitude_m - direction * x_m, 1e-3)
+    return max(lacking / way, 0.0)

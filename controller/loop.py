@@ -1,0 +1,239 @@
+"""The controller's turn: take the sample, step, answer, record.
+
+Driven by the plant's samples; a tick whose sample does not come in time is stepped without one.
+Everything that touches the outside goes through a port; the layers are in controller/step.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+from controller.commands import OperatorCommand, parse
+from controller.start_restart import Mode
+from controller.step import Inputs, Output, Params, State, StrokeReport, step
+from hil import topics
+from hil.codec import Decoder, Encoder
+from hil.errors import ConfigError
+from hil.messages import PistonSample, PlantTick
+from hil.pacing import Pacer
+from hil.ports import CommandSource, Link, Recorder, StatusSink
+
+_NAN: Final = float("nan")
+_NO_PULSES: Final = (0, 0, 0, 0)
+_COMMAND_EVERY: Final = 10
+_TICK_MODULO: Final = 1 << 32
+_FAULT_MODES: Final = (Mode.SAFE,)
+
+
+class Sensed(NamedTuple):
+    """The last known sensor values in SI, slow signals included."""
+
+    x_m: float = 0.0
+    v_m_s: float = 0.0
+    p_left_pa: float = 0.0
+    p_right_pa: float = 0.0
+    electric_power_w: float = 0.0
+
+
+class ControllerLoop:
+    """One controller on one link; `turn` answers one batch."""
+
+    def __init__(
+        self,
+        params: Params,
+        state: State,
+        *,
+        link: Link,
+        pacer: Pacer,
+        recorder: Recorder,
+        status: StatusSink,
+        commands: CommandSource,
+        schedule: dict[int, OperatorCommand],
+        status_every: int,
+        peer_timeout_s: float,
+    ) -> None:
+        self.params = params
+        self.state = state
+        self.tick = -1
+        self.peer_timeout_s = peer_timeout_s
+        self._link = link
+        self._pacer = pacer
+        self._put = recorder.put
+        self._status = status
+        self._commands = commands
+        self._schedule = schedule
+        self._status_every = status_every
+        self._encoder = Encoder()
+        self.decoder = Decoder("plant")
+        self._sensed = Sensed()
+        self._late = 0
+
+    def turn(self, batch: bytes | None) -> None:
+        """Answer a batch, or the tick that is due when none came in time."""
+        woke_ns = self._pacer.now_ns()
+        tick, sample = self._understand(batch)
+        expected = self.tick + 1
+        if self.tick < 0 and tick >= 0:
+            self._pacer.start(tick)
+            expected = tick
+        if 0 <= tick < expected:
+            self._late += 1
+            self._note_late(tick, batch or b"")
+            return
+        for missed in range(expected, tick):
+            self._advance(missed, None, b"", woke_ns, answer=False)
+        self._advance(max(tick, expected), sample, batch or b"", woke_ns, answer=True)
+
+    def _understand(self, batch: bytes | None) -> tuple[int, PistonSample | None]:
+        """Decode a batch: (tick, sample); tick -1 when its head did not come through."""
+        if batch is None:
+            return -1, None
+        tick, sample = -1, None
+        for message in self.decoder.decode(batch):
+            if type(message) is PlantTick:
+                tick = self._whole_tick(message.tick)
+                self._note_slow(message)
+            elif type(message) is PistonSample:
+                sample = message
+        return tick, sample if tick >= 0 else None
+
+    def _whole_tick(self, low: int) -> int:
+        """The tick of which the wire carries 32 bits, nearest to the one expected."""
+        expected = max(self.tick, 0)
+        half = _TICK_MODULO // 2
+        return expected + (low - expected + half) % _TICK_MODULO - half if self.tick >= 0 else low
+
+    def _note_slow(self, head: PlantTick) -> None:
+        """Keep the slow signal that this tick carried."""
+        _, _, slow, power, left, right = head
+        if slow == 0:
+            self._sensed = self._sensed._replace(electric_power_w=power)
+        elif slow == 1:
+            self._sensed = self._sensed._replace(p_left_pa=left)
+        else:
+            self._sensed = self._sensed._replace(p_right_pa=right)
+
+    def _advance(
+        self, tick: int, sample: PistonSample | None, batch: bytes, woke_ns: int, *, answer: bool
+    ) -> None:
+        """Step one tick, answer it unless its time is over, record it."""
+        self.tick = tick
+        command = self._command(tick)
+        self.state, output = step(self.params, self.state, Inputs(tick, sample, command))
+        frames = b""
+        if answer:
+            frames = self._encoder.encode(output.messages)
+            self._link.send(frames)
+        done_ns = self._pacer.now_ns()
+        self._record(tick, sample, batch, frames, output, (woke_ns, done_ns), missed=not answer)
+        if tick % self._status_every == 0:
+            self._tell(tick, output.stroke)
+
+    def _command(self, tick: int) -> OperatorCommand | None:
+        """The operator's command for this tick: from the scenario, or from the command key."""
+        planned = self._schedule.get(tick)
+        if planned is not None:
+            return planned
+        if tick % _COMMAND_EVERY:
+            return None
+        received = self._commands.poll()
+        if received is None:
+            return None
+        origin, raw = received
+        try:
+            return parse(raw, origin)
+        except ConfigError as error:
+            t_ns = tick * self.params.period_ns
+            self._put(topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error)))
+            return None
+
+    def _record(
+        self,
+        tick: int,
+        sample: PistonSample | None,
+        batch: bytes,
+        frames: bytes,
+        output: Output,
+        times_ns: tuple[int, int],
+        *,
+        missed: bool,
+    ) -> None:
+        """Hand the whole tick to the recorder, after the answer is on its way."""
+        t_ns = tick * self.params.period_ns
+        woke_ns, done_ns = times_ns
+        if sample is not None:
+            self._sensed = self._sensed._replace(x_m=sample.x_m, v_m_s=sample.v_m_s)
+        status = _status_of(sample, batch)
+        used = tick if sample is not None else -1
+        data = (
+            topics.SENSOR.pack(tick, t_ns, *self._sensed, status)
+            + _packed_output(tick, t_ns, output)
+            + topics.TIMING.pack(tick, t_ns, t_ns, woke_ns, done_ns, used, missed)
+        )
+        if batch:
+            data += topics.FRAMES_RECEIVED.pack(tick, t_ns, batch)
+        if frames:
+            data += topics.FRAMES_SENT.pack(tick, t_ns, frames)
+        if output.stroke is not None:
+            data += _packed_stroke(tick, t_ns, output.stroke)
+        for code, text in output.events:
+            severity = topics.FAULT if self.state.mode in _FAULT_MODES else topics.INFO
+            data += topics.EVENT.pack(tick, t_ns, severity, code, text)
+        self._put(data)
+
+    def _note_late(self, tick: int, batch: bytes) -> None:
+        """A batch whose tick has already been stepped: logged, never acted on."""
+        t_ns = self.tick * self.params.period_ns
+        text = f"sample of tick {tick} came after tick {self.tick} was answered without it"
+        self._put(
+            topics.FRAMES_RECEIVED.pack(self.tick, t_ns, batch)
+            + topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-late", text)
+        )
+
+    def _tell(self, tick: int, stroke: StrokeReport | None) -> None:
+        """Publish how the controller is."""
+        state = self.state
+        self._status.publish(
+            {
+                "tick": tick,
+                "t_s": tick * self.params.period_ns * 1e-9,
+                "mode": state.mode.name.lower(),
+                "tdc_mm": state.motion.tdc_m * 1e3,
+                "tdc_ref_mm": state.set_points.tdc_ref_m * 1e3,
+                "fuel_mg": state.demand.fuel_kg * 1e6,
+                "load_n_s_m": state.set_points.load_n_s_m,
+                "stale": state.stale,
+                "late_samples": self._late,
+                "reception": self.decoder.counts()._asdict(),
+            }
+        )
+
+
+def _status_of(sample: PistonSample | None, batch: bytes) -> int:
+    """How the log marks the sample of a tick."""
+    if sample is not None:
+        return topics.SAMPLE_FRESH
+    return topics.SAMPLE_INVALID if batch else topics.SAMPLE_NONE
+
+
+def _packed_output(tick: int, t_ns: int, output: Output) -> bytes:
+    """What the controller commands in this tick, in SI."""
+    pulses = output.pulses[:4]
+    padding = _NO_PULSES[len(pulses) :]
+    mode, force_n, load_n_s_m = output.machine
+    return topics.ACTUATOR.pack(
+        tick, t_ns, tick, mode, force_n, load_n_s_m, output.throttle, len(pulses),
+        (*[p.channel for p in pulses], *padding),
+        (*[p.open_ns for p in pulses], *padding),
+        (*[p.duration_ns for p in pulses], *padding),
+    )  # fmt: skip
+
+
+def _packed_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> bytes:
+    """One finished stroke with the terms of both loops."""
+    demand: Any = stroke.demand
+    return topics.STROKE.pack(
+        stroke.index, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
+        demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
+        demand.inner_p_kg, demand.inner_i_kg,
+    )  # fmt: skip

@@ -1,0 +1,149 @@
+"""The controller process: configuration, ports, loop."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from controller.commands import OperatorCommand
+from controller.loop import ControllerLoop
+from controller.step import initial_state, make_params
+from drivers.clock import SystemClock
+from drivers.links import Connection, open_link
+from drivers.process import Stop, guarded, last_words, open_recorder, read_arguments
+from hil.config.scenario import OperatorEvent, Scenario
+from hil.errors import RunError
+from hil.exchange import await_batch
+from hil.pacing import LockstepPacer, Pacer, RealTimePacer
+from hil.ports import Recorder
+from hil.realtime import prepare
+
+STATUS_HZ = 10
+SAMPLE_PATIENCE_PERIODS = 1.5
+"""How long a sample may be late before its tick is stepped without it."""
+
+
+def make_pacer(scenario: Scenario) -> Pacer:
+    """The plant paces: in real time patience is 1.5 periods, in lockstep the peer time-out."""
+    period_ns = scenario.loop.period_ns
+    if scenario.loop.clock == "realtime":
+        clock = SystemClock(scenario.realtime.spin_s)
+        return RealTimePacer(clock, period_ns, round(SAMPLE_PATIENCE_PERIODS * period_ns))
+    return LockstepPacer(period_ns, round(scenario.loop.peer_timeout_s * 1e9))
+
+
+def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
+    """The scenario's own operator commands by tick.
+
+    Two in one tick follow each other in the next free one.
+    """
+    schedule: dict[int, OperatorCommand] = {}
+    for event in scenario.events.values():
+        if isinstance(event, OperatorEvent):
+            tick = round(event.at_s * scenario.loop.rate_hz)
+            while tick in schedule:
+                tick += 1
+            schedule[tick] = OperatorCommand(event.kind, event.tdc_ref_m, event.target_power_w)
+    return schedule
+
+
+def make_loop(
+    scenario: Scenario, connection: Connection, pacer: Pacer, recorder: Recorder
+) -> ControllerLoop:
+    """Put parameters, initial state and ports together."""
+    params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
+    return ControllerLoop(
+        params, initial_state(params), link=connection.link, pacer=pacer, recorder=recorder,
+        status=connection.status, commands=connection.commands, schedule=schedule_of(scenario),
+        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
+        peer_timeout_s=scenario.loop.peer_timeout_s,
+    )  # fmt: skip
+
+
+def run(scenario: Scenario, log: Path | None) -> int:
+    """Run the controller to its end.
+
+    Raises: RunError when the plant was lost, ConfigError, LinkError
+    """
+    stop = Stop()
+    stop.listen()
+    connection = open_link("controller", scenario.link, scenario.loop)
+    recorder = open_recorder(log, scenario, "controller")
+    try:
+        pacer = make_pacer(scenario)
+        loop = make_loop(scenario, connection, pacer, recorder)
+        connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+        granted = prepare(scenario.realtime)
+        last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
+        drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
+        drive(loop, connection, pacer.patience_ns, last_tick, stop)
+        last_words({**facts(loop, connection), "granted": granted})
+    finally:
+        connection.close()
+        recorder.close()
+    raise_if_lost(loop)
+    return 0
+
+
+def follow_in_lockstep(
+    loop: ControllerLoop, connection: Connection, patience_ns: int, last_tick: int, stop: Stop
+) -> None:
+    """Answer every sample; when the plant is gone, step without one until the safe state."""
+    while loop.tick < last_tick and not stop.requested:
+        batch = await_batch(connection.link, patience_ns)
+        if batch is None:
+            break
+        loop.turn(batch)
+    else:
+        return
+    for _ in range(loop.params.config.limits.stale_ticks):
+        loop.turn(None)
+
+
+def follow_in_real_time(
+    loop: ControllerLoop, connection: Connection, patience_ns: int, last_tick: int, stop: Stop
+) -> None:
+    """Answer every sample, and a tick whose sample has not come after 1.5 periods without it.
+
+    Raises: RunError when the plant never sends
+    """
+    link, period_ns = connection.link, loop.params.period_ns
+    first = await_batch(link, round(1e9 * loop.peer_timeout_s))
+    if first is None:
+        raise RunError("plant sent no sample")
+    loop.turn(first)
+    wait_ns = patience_ns
+    while loop.tick < last_tick and not stop.requested:
+        batch = link.wait(wait_ns)
+        loop.turn(batch)
+        wait_ns = patience_ns if batch is not None else period_ns
+
+
+def raise_if_lost(loop: ControllerLoop) -> None:
+    """A run that ended without its plant did not end well.
+
+    Raises: RunError
+    """
+    stale = loop.state.stale
+    if stale >= loop.params.config.limits.stale_ticks:
+        raise RunError(f"plant lost: no valid sample in the last {stale} ticks")
+
+
+def facts(loop: ControllerLoop, connection: Connection) -> dict[str, Any]:
+    """How it went, for the summary."""
+    return {
+        "ticks": loop.tick + 1,
+        "mode": loop.state.mode.name.lower(),
+        "reception": loop.decoder.counts()._asdict(),
+        "link": dict(connection.link.counters()),
+    }
+
+
+def main() -> int:
+    """Entry point of `python -m controller.main`."""
+    return guarded(lambda: run(*read_arguments("controller")))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,35 @@
+"""The last limit: whatever the layers above want, this is what leaves the controller."""
+
+from __future__ import annotations
+
+from controller.actuator import Machine
+from controller.laws.interface import Demand
+from hil.config.controller import LimitsConfig
+
+FORCE_STEP_N = 0.01
+"""Resolution of the force on the wire; a limit between two steps is met from below."""
+
+
+def limit_fuel(limits: LimitsConfig, throttle: float, demand: Demand) -> Demand:
+    """Keep the fuel within what an injector can do and the throttle admits."""
+    most = max(limits.fuel_max_kg * throttle, limits.fuel_min_kg)
+    fuel = min(max(demand.fuel_kg, limits.fuel_min_kg), most)
+    return demand if fuel == demand.fuel_kg else demand._replace(fuel_kg=fuel)
+
+
+def limit_machine(limits: LimitsConfig, machine: Machine) -> Machine:
+    """Keep force and load within the machine's limits; a number that is none becomes zero."""
+    most = limits.force_n
+    force = machine.force_n if -most <= machine.force_n <= most else _clamped(machine.force_n, most)
+    load = machine.load_n_s_m if 0.0 <= machine.load_n_s_m <= 10_000.0 else 0.0
+    return machine._replace(force_n=force, load_n_s_m=load)
+
+
+def _clamped(force_n: float, most: float) -> float:
+    """The force at its limit, or none when it is nan."""
+    return 0.0 if force_n != force_n else min(max(force_n, -most), most)
+
+
+def is_beyond(limit_m: float, x_m: float) -> bool:
+    """Whether the piston is where it must not be."""
+    return abs(x_m) > limit_m

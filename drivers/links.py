@@ -1,0 +1,88 @@
+"""From the configuration to an open link: one table from the kind of link to what opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Literal, NamedTuple, Protocol
+
+from drivers.channels import MemoryCommands, MemoryStatus
+from drivers.memory_link import MemoryLink, memory_pair
+from drivers.zenoh_channels import ZenohCommands, ZenohOperator, ZenohStatus
+from drivers.zenoh_link import ZenohLink, ZenohNode
+from hil.config.process import LinkConfig, LoopConfig
+from hil.errors import ConfigError
+from hil.ports import CommandSource, Link, StatusSink
+
+Side = Literal["plant", "controller"]
+
+
+class PeerLink(Link, Protocol):
+    """A link that knows whether its peer is there."""
+
+    def peer_alive(self) -> bool:
+        """Whether the peer takes part by now; cheap enough for every tick."""
+
+    def wait_for_peer(self, timeout_s: float) -> None:
+        """Return when the peer takes part.
+
+        Raises: LinkError when it does not within the time
+        """
+
+
+class Connection(NamedTuple):
+    """What one process has of the outside world; `close` gives all of it back, in order."""
+
+    link: PeerLink
+    commands: CommandSource
+    status: StatusSink
+    close: Callable[[], None]
+
+
+def _open_zenoh(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+    """Open a process's session with its link, command source and status sink on it."""
+    node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+    link, commands, status = ZenohLink(node, loop.period_ns), ZenohCommands(node), ZenohStatus(node)
+    node.announce()
+
+    def close() -> None:
+        for part in (link, commands, status, node):
+            part.close()
+
+    return Connection(link, commands, status, close)
+
+
+OPENERS: Final[dict[str, Callable[[Side, LinkConfig, LoopConfig], Connection]]] = {
+    "zenoh": _open_zenoh,
+}
+"""A link between two processes is one row here; `memory` stays inside one, see `open_memory`."""
+
+
+def open_link(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+    """Open the link of one process.
+
+    Raises: ConfigError when the configuration refuses it, LinkError when it does not open
+    """
+    opener = OPENERS.get(config.kind)
+    if opener is None:
+        kinds = ", ".join(sorted(OPENERS))
+        raise ConfigError(f"link.kind = {config.kind!r} between two processes: accepted {kinds}")
+    return opener(side, config, loop)
+
+
+def open_memory() -> tuple[Connection, Connection]:
+    """Return plant's and controller's connection inside one process."""
+    plant, controller = memory_pair()
+    return _in_memory(plant), _in_memory(controller)
+
+
+def _in_memory(link: MemoryLink) -> Connection:
+    """Put one end of a memory link together with its channels."""
+    return Connection(link, MemoryCommands(), MemoryStatus(), link.close)
+
+
+def open_operator(config: LinkConfig, loop: LoopConfig, name: str) -> ZenohOperator:
+    """Open the bench's view of two processes: commands to them, status from them.
+
+    Raises: ConfigError, LinkError as `open_link`
+    """
+    return ZenohOperator(ZenohNode("bench", config.zenoh, lockstep=loop.clock == "lockstep"), name)

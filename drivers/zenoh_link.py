@@ -1,0 +1,258 @@
+"""A link over Zenoh: the frames of one tick are one put; what arrives is polled, never called back.
+
+A callback would run on one of Zenoh's threads and fight the loop for the interpreter; a handler
+without timeouts is all the library offers beside it. So `wait` polls: an empty poll costs 0.2 us.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import zenoh
+
+from drivers.zenoh_config import Role, session_config
+from hil.config.process import ZenohConfig
+from hil.errors import LinkError
+
+_CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
+_AHEAD_NS: Final = 150_000  # how long before an expected arrival to stop sleeping
+_YIELD_NS: Final = 150_000  # how long after it to go on yielding
+_YIELD_LOCKSTEP_NS: Final = 50_000_000
+_STEP_S: Final = 30e-6
+_STEP_LOCKSTEP_S: Final = 200e-6
+_PEER_POLL_S: Final = 2e-3
+PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
+
+
+class ArrivalClock:
+    """When the next batch is due, learnt from those that came: the earliest phase, forgetting.
+
+    due' = t + T - 7/8 max(d, 0), with d the lateness of the arrival at t, modulo the period T
+    """
+
+    __slots__ = ("due_ns", "period_ns")
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.due_ns = 0
+
+    def arrived(self, now_ns: int) -> None:
+        """Take note of an arrival; a lone late one hardly moves the phase."""
+        late_ns = 0
+        if self.due_ns:
+            half_ns = self.period_ns // 2
+            late_ns = (now_ns - self.due_ns + half_ns) % self.period_ns - half_ns
+        self.due_ns = now_ns + self.period_ns - (late_ns * 7 // 8 if late_ns > 0 else 0)
+
+    def missed(self, now_ns: int) -> None:
+        """Look to the next arrival after nothing came."""
+        behind_ns = now_ns - self.due_ns
+        if self.due_ns and behind_ns > 0:
+            self.due_ns += -(-behind_ns // self.period_ns) * self.period_ns
+
+    def forget(self) -> None:
+        """Start anew: the peer was not in the phase that was expected."""
+        self.due_ns = 0
+
+
+class _LockstepPolling:
+    """The answer comes as soon as the peer has worked it out: yield until then."""
+
+    __slots__ = ()
+
+    def poll(self, handler: zenoh.Handler[zenoh.Sample], timeout_ns: int) -> zenoh.Sample | None:
+        """Return the next sample, or None after the timeout [ns]."""
+        now_ns = time.monotonic_ns()
+        return _poll(handler, now_ns + _YIELD_LOCKSTEP_NS, _STEP_LOCKSTEP_S, now_ns + timeout_ns)
+
+
+class _RealTimePolling:
+    """Batches come once a period: sleep to shortly before the next, then yield, then nap."""
+
+    __slots__ = ("_arrivals",)
+
+    def __init__(self, period_ns: int) -> None:
+        self._arrivals = ArrivalClock(period_ns)
+
+    def poll(self, handler: zenoh.Handler[zenoh.Sample], timeout_ns: int) -> zenoh.Sample | None:
+        """Return the next sample, or None after the timeout [ns]."""
+        arrivals = self._arrivals
+        now_ns = time.monotonic_ns()
+        deadline_ns = now_ns + timeout_ns
+        asleep_ns = min(arrivals.due_ns - _AHEAD_NS, deadline_ns) - now_ns
+        if 0 < asleep_ns < arrivals.period_ns:
+            time.sleep(asleep_ns * 1e-9)
+            if (sample := handler.try_recv()) is not None:
+                arrivals.forget()
+                return sample
+        until_ns = max(now_ns, arrivals.due_ns) + _YIELD_NS
+        sample = _poll(handler, until_ns, _STEP_S, deadline_ns)
+        if sample is None:
+            arrivals.missed(time.monotonic_ns())
+        else:
+            arrivals.arrived(time.monotonic_ns())
+        return sample
+
+
+def _poll(
+    handler: zenoh.Handler[zenoh.Sample], yield_until_ns: int, step_s: float, deadline_ns: int
+) -> zenoh.Sample | None:
+    """Poll, giving the core away between polls; later on sleep between them."""
+    # The sleep lets in threads of lower priority: Zenoh's, where only the loop has SCHED_FIFO.
+    poll, now, give_way = handler.try_recv, time.monotonic_ns, os.sched_yield
+    while True:
+        sample = poll()
+        if sample is not None:
+            return sample
+        now_ns = now()
+        if now_ns >= deadline_ns:
+            return None
+        if now_ns < yield_until_ns:
+            give_way()
+        else:
+            time.sleep(min(step_s, (deadline_ns - now_ns) * 1e-9))
+
+
+def give_back(*closers: Callable[[], object]) -> None:
+    """Undeclare or close one after the other, whatever became of the session meanwhile."""
+    for closer in closers:
+        with contextlib.suppress(zenoh.ZError):
+            closer()
+
+
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether a subscriber is known by now; a put before that would go nowhere."""
+    # The stub declares a bool; the library returns an object with this one field.
+    status: object = publisher.matching_status
+    return bool(getattr(status, "matching", status))
+
+
+class ZenohNode:
+    """One process's session: its endpoints, its liveliness token and its view of the peers.
+
+    Raises: ConfigError when an endpoint is refused, LinkError when the session does not open
+    """
+
+    def __init__(self, role: Role, config: ZenohConfig, *, lockstep: bool) -> None:
+        self.role = role
+        self.config = config
+        self.lockstep = lockstep
+        tree = session_config(role, config, lockstep=lockstep)
+        try:
+            self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
+        except zenoh.ZError as error:
+            raise LinkError(f"zenoh: {role} cannot open {tree['listen']}: {error}") from None
+        self._alive: set[str] = set()
+        self._seen = self.session.liveliness().declare_subscriber(
+            self.key("alive/*"), zenoh.handlers.RingChannel(64), history=True
+        )
+        self._token: zenoh.LivelinessToken | None = None
+
+    def key(self, end: str) -> str:
+        """Return a key of this engine."""
+        return f"hil/{self.config.engine}/{end}"
+
+    def announce(self) -> None:
+        """Tell the others that this process takes part; call it when everything is declared."""
+        self._token = self.session.liveliness().declare_token(self.key(f"alive/{self.role}"))
+
+    def alive(self) -> set[str]:
+        """Return the roles of the processes that take part by now."""
+        while (sample := self._seen.handler.try_recv()) is not None:
+            role = str(sample.key_expr).rsplit("/", 1)[1]
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._alive.add(role)
+            else:
+                self._alive.discard(role)
+        return self._alive
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        if not self.session.is_closed():
+            token = () if self._token is None else (self._token.undeclare,)
+            give_back(*token, self._seen.undeclare, self.session.close)
+
+
+class ZenohLink:
+    """One end of the link: publishes on its own frames key, polls the peer's."""
+
+    def __init__(self, node: ZenohNode, period_ns: int) -> None:
+        self._node = node
+        self._peer = PEER[node.role]
+        block = zenoh.CongestionControl.BLOCK if node.lockstep else zenoh.CongestionControl.DROP
+        self._publisher = node.session.declare_publisher(
+            node.key(f"frames/{node.role}"),
+            congestion_control=block,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        self._subscriber = node.session.declare_subscriber(
+            node.key(f"frames/{self._peer}"), zenoh.handlers.RingChannel(_CAPACITY)
+        )
+        self._handler = self._subscriber.handler
+        self._polling = _LockstepPolling() if node.lockstep else _RealTimePolling(period_ns)
+        self._sent = self._received = self._errors = 0
+        self._closed = False
+
+    def send(self, batch: bytes, /) -> None:
+        """Publish one tick's frames; in real time drops them rather than wait.
+
+        Raises: LinkError when the session is closed
+        """
+        try:
+            self._publisher.put(batch)
+        except zenoh.ZError as error:
+            self._errors += 1
+            raise LinkError(f"zenoh: {self._node.role} cannot send: {error}") from None
+        self._sent += 1
+
+    def receive(self) -> bytes | None:
+        """Return the oldest batch not yet taken, or None."""
+        if self._closed or (sample := self._handler.try_recv()) is None:
+            return None
+        self._received += 1
+        return sample.payload.to_bytes()
+
+    def wait(self, timeout_ns: int, /) -> bytes | None:
+        """Like `receive`, but wait for at most this long [ns]."""
+        batch = self.receive()
+        if batch is not None or timeout_ns <= 0 or self._closed:
+            return batch
+        sample = self._polling.poll(self._handler, timeout_ns)
+        if sample is None:
+            return None
+        self._received += 1
+        return sample.payload.to_bytes()
+
+    def peer_alive(self) -> bool:
+        """Whether the peer's process takes part; false at once when it closes or is killed."""
+        return self._peer in self._node.alive()
+
+    def wait_for_peer(self, timeout_s: float) -> None:
+        """Return when the peer takes part and gets what is sent to it.
+
+        Raises: LinkError when it does not within the time
+        """
+        end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        while not (self.peer_alive() and is_heard(self._publisher)):
+            if time.monotonic_ns() > end_ns:
+                config = self._node.config
+                plant = self._peer == "plant"
+                endpoint = config.plant_endpoint if plant else config.controller_endpoint
+                raise LinkError(f"no {self._peer} at {endpoint} after {timeout_s:g} s")
+            time.sleep(_PEER_POLL_S)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return batches sent and received, and errors; what was lost shows in the tick numbers."""
+        return {"sent": self._sent, "received": self._received, "errors": self._errors}
+
+    def close(self) -> None:
+        """Undeclare both keys; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            give_back(self._subscriber.undeclare, self._publisher.undeclare)

@@ -1,0 +1,110 @@
+"""What a loop process asks of the operating system, and what it was granted.
+
+Nothing here fails a run: a refusal is told in plain words, which go into the log's metadata, so
+that a latency figure can be read together with the privileges it was measured under.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import resource
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+from hil.config.process import RealtimeConfig
+
+_PR_SET_TIMERSLACK: Final = 29
+_MCL_CURRENT_AND_FUTURE: Final = 1 | 2
+NOT_ASKED: Final = "not asked for"
+
+
+def prepare(config: RealtimeConfig) -> dict[str, str]:
+    """Ask for everything that the configuration names; return what was granted or refused.
+
+    Call it in the loop's thread after everything is allocated and opened: scheduling and affinity
+    hold for the calling thread, so the libraries' own threads stay outside, where they do not
+    compete with the loop.
+    """
+    told = {
+        "garbage_collection": _told(_stop_collecting),
+        "timer_slack": _told(_cut_timer_slack),
+        "locked_memory": _told(_lock_memory) if config.lock_memory else NOT_ASKED,
+        "cpu": NOT_ASKED if config.cpu is None else _told(partial(_pin, config.cpu)),
+        "scheduling": _told(partial(_schedule, config.priority)) if config.priority else NOT_ASKED,
+    }
+    return told | {"in_force": in_force()}
+
+
+def _told(ask: Callable[[], str]) -> str:
+    """Run one request; put a refusal into words."""
+    try:
+        return f"granted: {ask()}"
+    except OSError as error:
+        return f"refused: {error.strerror or error}"
+    except (AttributeError, OverflowError, ValueError) as error:
+        return f"refused: not on this system ({error})"
+
+
+def _stop_collecting() -> str:
+    """Collect once, keep what is left out of every later pass and stop the automatic passes."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return f"collected, {gc.get_freeze_count()} objects frozen, automatic passes off"
+
+
+def _libc() -> ctypes.CDLL:
+    """The C library of this process, with errno kept."""
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def _check(returned: int, call: str) -> None:
+    """Raise OSError when a C call failed."""
+    if returned != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, f"{call}: {os.strerror(number)}")
+
+
+def _cut_timer_slack() -> str:
+    """Let sleeps of this thread end without the 50 us by which the kernel may batch them."""
+    _check(_libc().prctl(_PR_SET_TIMERSLACK, *map(ctypes.c_ulong, (1, 0, 0, 0))), "prctl")
+    return "1 ns"
+
+
+def _lock_memory() -> str:
+    """Keep every page resident, those allocated later included."""
+    _check(_libc().mlockall(_MCL_CURRENT_AND_FUTURE), "mlockall")
+    return "current and future pages"
+
+
+def _pin(cpu: int) -> str:
+    """Let this thread run on one CPU only."""
+    os.sched_setaffinity(0, {cpu})
+    return f"CPU {cpu}"
+
+
+def _schedule(priority: int) -> str:
+    """Put this thread into the first-in-first-out real-time class."""
+    # Reset on fork: a child (the recorder) must not inherit the loop's priority.
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    return f"SCHED_FIFO priority {priority}"
+
+
+def in_force() -> str:
+    """Say how this thread runs by now, whoever arranged it (a service manager may have)."""
+    names = {os.SCHED_OTHER: "SCHED_OTHER", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
+    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    name = names.get(policy, f"policy {policy}")
+    priority = os.sched_getparam(0).sched_priority
+    cpus = ",".join(map(str, sorted(os.sched_getaffinity(0))))
+    return f"{name} priority {priority}, CPUs {cpus}"
+
+
+def page_faults() -> tuple[int, int]:
+    """Return (minor, major) page faults of this process so far; rising ones disturb a loop."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_minflt, usage.ru_majflt

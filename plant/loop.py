@@ -1,0 +1,287 @@
+"""The plant's turn: send the sample, take the answer to the one before, step, record.
+
+Everything that touches the outside goes through a port; the physics is in plant/step.py.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from hil import topics
+from hil.codec import Decoder, Encoder
+from hil.exchange import await_batch
+from hil.messages import (
+    PULSE_CLOCK_US,
+    SLOW_SIGNALS,
+    ControllerTick,
+    MachineCommand,
+    PistonSample,
+    PlantTick,
+    Pulse,
+)
+from hil.pacing import Pacer, Slot
+from hil.ports import Link, Recorder, StatusSink
+from plant import events as codes
+from plant.actuation import PulseOrder
+from plant.events import Event
+from plant.machine import MachineOrder
+from plant.params import PlantParams
+from plant.sensors import Sample, electric_power_w, pressures_pa, sample
+from plant.state import Command, PlantState, truth
+from plant.step import step
+
+_NAN: Final = float("nan")
+_POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
+_SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
+_NO_PULSES: Final = (0, 0, 0, 0)
+_FIRING_MODES: Final = (1, 2)
+_SEVERITY: Final = {
+    codes.CONTACT: topics.FAULT,
+    codes.SAFE_STATE: topics.FAULT,
+    codes.MISFIRE: topics.WARNING,
+    codes.PULSE_REFUSED: topics.WARNING,
+    codes.ORDER_REFUSED: topics.WARNING,
+}
+
+
+class Measured(NamedTuple):
+    """One tick's sensors in SI, and the same as frames."""
+
+    sample: Sample
+    p_left_pa: float
+    p_right_pa: float
+    electric_power_w: float
+    batch: bytes
+
+
+class Answer(NamedTuple):
+    """What the controller's frames said: to which tick, and the bytes they came in."""
+
+    tick: int
+    command: Command | None
+    frames: bytes
+
+
+_NO_ANSWER: Final = Answer(-1, None, b"")
+_NOT_YET: Final = Answer(-1, Command(), b"")
+"""Before the first answer nothing is missing: the plant goes on as it began."""
+
+
+class PlantLoop:
+    """One engine on one link; `turn` runs one tick."""
+
+    def __init__(
+        self,
+        params: PlantParams,
+        state: PlantState,
+        events: tuple[Event, ...] = (),
+        *,
+        link: Link,
+        pacer: Pacer,
+        recorder: Recorder,
+        status: StatusSink,
+        status_every: int,
+    ) -> None:
+        self.params = params
+        self.state = state
+        self.peer_lost = False
+        self.answered = 0
+        self._link = link
+        self._pacer = pacer
+        self._put = recorder.put
+        self._status = status
+        self._status_every = status_every
+        self._encoder = Encoder()
+        self.decoder = Decoder("controller")
+        self._used_tick = -1
+        self._first_tick = state.tick
+        self._initial_events = events
+        self._answered_before = False
+        self._measured = self._measure()
+
+    def turn(self, tick: int) -> int:
+        """Run the tick, or the one that is due by now; return the tick after it."""
+        slot = self._pacer.wait(tick)
+        for missed in range(tick, slot.tick):
+            self._skip(missed, slot)
+        measured = self._measured
+        patience_ns = 0 if self.peer_lost else self._pacer.patience_ns
+        arrived = [] if patience_ns else self._drain()
+        self._link.send(measured.batch)
+        sent_ns = self._pacer.now_ns()
+        if patience_ns and slot.tick > self._first_tick:
+            arrived = self._await(patience_ns)
+        answer = self._understand(arrived)
+        before = self.state
+        self.state, events = step(self.params, before, answer.command)
+        self._measured = self._measure()
+        if self._initial_events:
+            self._initial_events, events = (), self._initial_events + events
+        self._record(slot, sent_ns, measured, answer, before, events)
+        if slot.tick % self._status_every == 0:
+            self._tell(slot)
+        return slot.tick + 1
+
+    def _measure(self) -> Measured:
+        """Sense the state at the start of the next tick and encode it, ahead of its slot."""
+        state, params = self.state, self.params
+        tick = state.tick
+        x_m, v_m_s = sensed = sample(params, state)
+        power = electric_power_w(state)
+        left, right = pressures_pa(params.engine, state)
+        slow = _SLOW_ORDER[tick & 3]
+        head = PlantTick(
+            tick & 0xFFFFFFFF,
+            2,
+            slow,
+            _within(power, 16_000.0) if slow == _POWER else _NAN,
+            _within(left, 32.0e6) if slow == _P_LEFT else _NAN,
+            _within(right, 32.0e6) if slow == _P_RIGHT else _NAN,
+        )
+        body = PistonSample(_within(x_m, 0.08), _within(v_m_s, 8.0))
+        return Measured(sensed, left, right, power, self._encoder.encode((head, body)))
+
+    def _drain(self) -> list[bytes]:
+        """Real time: take what has come, before the send, so that no answer acts too early."""
+        arrived = []
+        while (batch := self._link.receive()) is not None:
+            arrived.append(batch)
+        return arrived
+
+    def _await(self, patience_ns: int) -> list[bytes]:
+        """Lockstep: the answer to the tick before must come, or the peer is lost.
+
+        The sample of this tick is on its way by then: it does not depend on that answer.
+        """
+        batch = await_batch(self._link, patience_ns)
+        if batch is None:
+            self.peer_lost = True
+            return []
+        return [batch]
+
+    def _understand(self, arrived: list[bytes]) -> Answer:
+        """Decode the answers that act from now on; of several the newest machine order counts."""
+        if not arrived:
+            return _NO_ANSWER if self._answered_before else _NOT_YET
+        machine, pulses, mode, tick = None, [], -1, -1
+        for batch in arrived:
+            for message in self.decoder.decode(batch):
+                kind = type(message)
+                if kind is ControllerTick:
+                    tick, mode = message.tick, message.mode
+                elif kind is MachineCommand:
+                    machine = MachineOrder(
+                        message.mode, message.force_n, message.load_coefficient_n_s_m
+                    )
+                elif kind is Pulse:
+                    pulses.append(PulseOrder(*message))
+        frames = arrived[0] if len(arrived) == 1 else b"".join(arrived)
+        if mode < 0:
+            return Answer(-1, None, frames)
+        self.peer_lost = False
+        self._answered_before = True
+        self.answered += 1
+        self._used_tick = tick
+        return Answer(tick, Command(machine, tuple(pulses), mode in _FIRING_MODES), frames)
+
+    def _skip(self, tick: int, slot: Slot) -> None:
+        """Integrate a tick whose slot has passed: nothing was sent and nothing could be answered."""
+        before = self.state
+        held = Command() if before.stale == 0 else None
+        self.state, events = step(self.params, before, held)
+        self._measured = self._measure()
+        t_ns = tick * self.params.period_ns
+        data = topics.TRUTH.pack(*truth(self.params.period_ns, before)) + topics.TIMING.pack(
+            tick, t_ns, t_ns, slot.woke_ns, slot.woke_ns, -1, 1
+        )
+        self._put(data + _packed_events(tick, t_ns, events))
+
+    def _record(
+        self,
+        slot: Slot,
+        sent_ns: int,
+        measured: Measured,
+        answer: Answer,
+        before: PlantState,
+        events: tuple[Event, ...],
+    ) -> None:
+        """Hand the whole tick to the recorder, after everything that is in a hurry."""
+        tick = slot.tick
+        t_ns = tick * self.params.period_ns
+        (x_m, v_m_s), left, right, power, batch = measured
+        data = (
+            topics.SENSOR.pack(tick, t_ns, x_m, v_m_s, left, right, power, 0)
+            + topics.TRUTH.pack(*truth(self.params.period_ns, before))
+            + topics.FRAMES_SENT.pack(tick, t_ns, batch)
+            + topics.TIMING.pack(
+                tick, t_ns, slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0
+            )
+        )
+        if answer.frames:
+            data += topics.FRAMES_RECEIVED.pack(tick, t_ns, answer.frames)
+            if answer.command is not None:
+                data += self._packed_command(tick, t_ns, answer)
+        if events:
+            data += _packed_events(tick, t_ns, events)
+        self._put(data)
+
+    def _packed_command(self, tick: int, t_ns: int, answer: Answer) -> bytes:
+        """The decoded answer in SI, as it acts from this tick on."""
+        command = answer.command or Command()
+        order = command.machine or self.state.machine.order
+        pulses = [unwrapped(pulse, t_ns) for pulse in command.pulses[:4]]
+        channels, opens, durations = (
+            (*column, *_NO_PULSES[len(pulses) :]) for column in _columns(pulses)
+        )
+        return topics.ACTUATOR.pack(
+            tick, t_ns, answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m,
+            1.0, len(pulses), channels, opens, durations,
+        )  # fmt: skip
+
+    def _tell(self, slot: Slot) -> None:
+        """Publish how the plant is."""
+        state = self.state
+        self._status.publish(
+            {
+                "tick": slot.tick,
+                "t_s": slot.scheduled_ns * 1e-9,
+                "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
+                "late_us": (slot.woke_ns - slot.scheduled_ns) // 1000,
+                "contacts": state.contacts,
+                "answered": self.answered,
+                "safe": state.stale >= self.params.stale_ticks,
+                "used_tick": self._used_tick,
+            }
+        )
+
+
+def _within(value: float, most: float) -> float:
+    """A sensor at the end of its range says the end of its range."""
+    return -most if value < -most else most if value > most else value
+
+
+def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
+    """(channel, opening, duration) on the run's clock [ns], nearest to now (2^20 us a turn)."""
+    now_us = now_ns // 1000
+    half = PULSE_CLOCK_US // 2
+    ahead_us = (pulse.open_us - now_us + half) % PULSE_CLOCK_US - half
+    return pulse.channel, (now_us + ahead_us) * 1000, pulse.duration_us * 1000
+
+
+def _columns(rows: list[tuple[int, int, int]]) -> tuple[tuple[int, ...], ...]:
+    """Transpose, also when there is nothing."""
+    return tuple(zip(*rows, strict=True)) if rows else ((), (), ())
+
+
+def _packed_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:
+    """The events of a tick at their own instants, which lie inside it."""
+    return b"".join(
+        topics.EVENT.pack(
+            tick,
+            max(event.t_ns, t_ns),
+            _SEVERITY.get(event.code, topics.INFO),
+            event.code,
+            event.text,
+        )
+        for event in events
+    )

@@ -1,0 +1,115 @@
+"""The plant process: configuration, ports, loop."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import SystemClock
+from drivers.links import Connection, open_link
+from drivers.process import Stop, guarded, last_words, open_recorder, read_arguments
+from hil.config.scenario import OperatorEvent, Scenario
+from hil.errors import RunError
+from hil.pacing import LockstepPacer, Pacer, RealTimePacer
+from hil.ports import Recorder
+from hil.realtime import prepare
+from plant.initial import initial_state
+from plant.loop import PlantLoop
+from plant.params import PlantParams, plant_params
+
+STATUS_HZ = 10
+
+
+def make_params(scenario: Scenario) -> PlantParams:
+    """The plant's part of a scenario."""
+    events = {
+        name: event
+        for name, event in scenario.events.items()
+        if not isinstance(event, OperatorEvent)
+    }
+    return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
+
+
+def make_pacer(scenario: Scenario) -> Pacer:
+    """Real time: deadlines, and the newest answer if there is one. Lockstep: the answer must come."""
+    period_ns = scenario.loop.period_ns
+    if scenario.loop.clock == "realtime":
+        return RealTimePacer(SystemClock(scenario.realtime.spin_s), period_ns)
+    return LockstepPacer(period_ns, round(scenario.loop.peer_timeout_s * 1e9))
+
+
+def make_loop(scenario: Scenario, connection: Connection, recorder: Recorder) -> PlantLoop:
+    """Put parameters, initial state and ports together.
+
+    Raises: ConfigError when the run cannot begin as it is asked to
+    """
+    params = make_params(scenario)
+    settled = scenario.begins == "settled"
+    state, events = initial_state(
+        params,
+        scenario.controller.preset.fuel_kg if settled else None,
+        scenario.controller.supervisory.load_coefficient_n_s_m,
+    )
+    return PlantLoop(
+        params, state, events, link=connection.link, pacer=make_pacer(scenario), recorder=recorder,
+        status=connection.status, status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
+    )  # fmt: skip
+
+
+def ticks_of(scenario: Scenario) -> int:
+    """How many ticks the run has."""
+    return round(scenario.run.duration_s * scenario.loop.rate_hz)
+
+
+def run(scenario: Scenario, log: Path | None) -> int:
+    """Run the plant to its end.
+
+    Raises: RunError when the controller was lost, ConfigError, LinkError
+    """
+    stop = Stop()
+    stop.listen()
+    connection = open_link("plant", scenario.link, scenario.loop)
+    recorder = open_recorder(log, scenario, "plant")
+    try:
+        loop = make_loop(scenario, connection, recorder)
+        connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+        granted = prepare(scenario.realtime)
+        tick, ticks = 0, ticks_of(scenario)
+        while tick < ticks and not stop.requested:
+            tick = loop.turn(tick)
+        last_words({**facts(loop, connection, tick), "granted": granted})
+    finally:
+        connection.close()
+        recorder.close()
+    raise_if_lost(loop)
+    return 0
+
+
+def raise_if_lost(loop: PlantLoop) -> None:
+    """A run that ended without its controller did not end well.
+
+    Raises: RunError
+    """
+    if loop.state.stale >= loop.params.stale_ticks:
+        raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")
+
+
+def facts(loop: PlantLoop, connection: Connection, ticks: int) -> dict[str, Any]:
+    """How it went, for the summary."""
+    return {
+        "ticks": ticks,
+        "answered": loop.answered,
+        "contacts": loop.state.contacts,
+        "reception": loop.decoder.counts()._asdict(),
+        "link": dict(connection.link.counters()),
+    }
+
+
+def main() -> int:
+    """Entry point of `python -m plant.main`."""
+    return guarded(lambda: run(*read_arguments("plant")))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

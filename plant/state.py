@@ -1,0 +1,85 @@
+"""The plant's whole state as a value: copy it, compare it, step it again."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from plant.actuation import PulseOrder, PulseTable
+from plant.combustion import Stroke
+from plant.disturbances import Disturbances
+from plant.machine import Machine, MachineOrder
+from plant.models import Path
+
+
+class Command(NamedTuple):
+    """What one tick's valid frames said; `may_fire` false forces all TTL lines low."""
+
+    machine: MachineOrder | None = None
+    pulses: tuple[PulseOrder, ...] = ()
+    may_fire: bool = True
+
+
+class DeadCentre(NamedTuple):
+    """The last dead centre exactly; number 0 means that there was none yet.
+
+    `fuel_kg` is what burnt there, nought after a misfire.
+    """
+
+    number: int
+    t_ns: int
+    x_m: float
+    fuel_kg: float
+    efficiency: float
+
+
+class PlantState(NamedTuple):
+    """The truth at the start of a tick; `tau_s` counts from the start of the stroke."""
+
+    tick: int
+    x_m: float
+    v_m_s: float
+    tau_s: float
+    moving: bool
+    path: Path
+    stroke: Stroke
+    machine: Machine
+    pulses: PulseTable
+    disturbances: Disturbances
+    dead_centre: DeadCentre
+    stale: int
+    contacts: int
+
+
+class Truth(NamedTuple):
+    """What is logged of a state, flat; `disturbance` has the bits of Disturbances.mask."""
+
+    tick: int
+    t_ns: int
+    x_m: float
+    v_m_s: float
+    fuel_kg: float
+    load_coefficient_n_s_m: float
+    disturbance: int
+    dc_index: int
+    dc_t_ns: int
+    dc_x_m: float
+    contacts: int
+
+
+def truth(period_ns: int, state: PlantState) -> Truth:
+    """Flatten a state for the log."""
+    number, dc_t_ns, dc_x_m, fuel_kg, _ = state.dead_centre
+    tick = state.tick
+    return Truth(
+        tick,
+        tick * period_ns,
+        state.x_m,
+        state.v_m_s,
+        fuel_kg,
+        state.machine.load_coefficient_n_s_m,
+        state.disturbances.mask,
+        number,
+        dc_t_ns,
+        dc_x_m,
+        state.contacts,
+    )

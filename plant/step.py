@@ -1,0 +1,184 @@
+"""One tick of the plant: orders taken, motion solved, every instant inside it honoured.
+
+step(params, state, command) -> (state, events). An ordinary tick is one evaluation of a closed
+form; a tick with an edge, a dead centre or a contact inside goes through `_busy_tick`.
+"""
+
+from __future__ import annotations
+
+from plant import actuation, disturbances
+from plant.actuation import NEVER_NS, Injector
+from plant.disturbances import Held
+from plant.events import (
+    ORDER_REFUSED,
+    PULSE_REFUSED,
+    SAFE_STATE,
+    SAFE_STATE_LEFT,
+    Event,
+)
+from plant.linear import DEAD_CENTRE, NO_STOP, UNDERDAMPED, Segment, evaluate
+from plant.machine import MachineOrder, obey, objection, safe_order
+from plant.models import acceleration, advance
+from plant.params import PlantParams
+from plant.state import Command, PlantState
+from plant.stroke import REST_M, REST_M_S, apply_due, come_to_rest, end_stroke, repath
+
+# Bounces against a head shrink without end; after this many stops in a tick the piston rests.
+_MAX_STOPS = 32
+
+Events = tuple[Event, ...]
+
+
+def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantState, Events]:
+    """Integrate exactly one tick with the command now in force.
+
+    Parameters: command : Command, or None for a tick without a valid one
+    Returns: the state at the start of the next tick, and what happened in this one, in order
+    """
+    events: list[Event] = []
+    s = _silence(p, s, events) if command is None else _take(p, s, command, events)
+    end_ns = (s.tick + 1) * p.period_ns
+    tau = s.tau_s + p.dt_s
+    if tau < s.disturbances.due_s and s.pulses.next_edge_ns > end_ns:
+        plain = _plain_tick(p, s, tau)
+        if plain is not None:
+            return plain, tuple(events)
+    s = _busy_tick(p, s, events)
+    return s, tuple(events)
+
+
+def _plain_tick(p: PlantParams, s: PlantState, tau: float) -> PlantState | None:
+    """Move through a tick in which nothing happens; None when something does."""
+    (tick, x, v, _, moving, path, stroke, machine, pulses, d, dc, stale, contacts) = s
+    if moving:
+        if not isinstance(path, Segment) or path.regime != UNDERDAMPED:
+            return None
+        x, v = evaluate(path, tau)
+        direction = stroke.direction
+        if v * direction <= 0.0 or x * direction >= p.engine.contact_m:
+            return None
+    return PlantState(
+        tick + 1, x, v, tau, moving, path, stroke, machine, pulses, d, dc, stale, contacts
+    )
+
+
+def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Move through a tick from one instant of note to the next."""
+    held = Held(s.x_m, s.v_m_s)
+    start_ns = s.tick * p.period_ns
+    used = 0.0
+    for _ in range(_MAX_STOPS):
+        left = p.dt_s - used
+        wait = max(s.disturbances.due_s - s.tau_s, 0.0)
+        span = min(left, wait)
+        s, spent, stop = _move(p, s, span)
+        used = p.dt_s if stop == NO_STOP and span == left else used + spent
+        if stop != NO_STOP:
+            s = end_stroke(p, s, start_ns + used * 1e9, stop, held=held, events=events)
+        elif wait <= left:
+            s = _take_due(p, s, round(start_ns + used * 1e9), held, events)
+        if used >= p.dt_s:
+            break
+    else:
+        s = come_to_rest(s._replace(tau_s=s.tau_s + p.dt_s - used), start_ns, events)
+    return _finish_tick(p, s, events)
+
+
+def _move(p: PlantParams, s: PlantState, span: float) -> tuple[PlantState, float, int]:
+    """Move on by `span` seconds, or to the end of the stroke if that comes first."""
+    if not s.moving:
+        return s._replace(tau_s=s.tau_s + span), span, NO_STOP
+    x, v, spent, stop = advance(
+        s.path,
+        s.x_m,
+        s.v_m_s,
+        s.tau_s,
+        span,
+        direction=s.stroke.direction,
+        contact_m=p.engine.contact_m,
+    )
+    return s._replace(x_m=x, v_m_s=v, tau_s=s.tau_s + spent), spent, stop
+
+
+def _take_due(
+    p: PlantParams, s: PlantState, t_ns: int, held: Held, events: list[Event]
+) -> PlantState:
+    """Apply the disturbance edge that is due here."""
+    d, due = disturbances.pop(s.disturbances)
+    s = s._replace(disturbances=d)
+    return repath(p, apply_due(p, s, due, t_ns=t_ns, held=held, events=events), t_ns, events)
+
+
+def _finish_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Apply the pulse edges up to the tick's end, and see whether a creeping piston has stopped."""
+    end_ns = (s.tick + 1) * p.period_ns
+    injector = Injector(p.flow_kg_s, p.dead_time_ns)
+    if _creeps_no_more(p, s):
+        if s.stroke.energy_j == 0.0:
+            s = come_to_rest(s, end_ns, events)
+        else:
+            s = end_stroke(p, s, end_ns, DEAD_CENTRE, held=Held(s.x_m, 0.0), events=events)
+    return s._replace(tick=s.tick + 1, pulses=actuation.advance(s.pulses, injector, end_ns))
+
+
+def _creeps_no_more(p: PlantParams, s: PlantState) -> bool:
+    """Tell whether a motion too damped to have a dead centre has come to its end."""
+    if not s.moving or abs(s.v_m_s) > REST_M_S:
+        return False
+    if isinstance(s.path, Segment) and s.path.regime == UNDERDAMPED:
+        return False
+    inertia = p.engine.mass_kg * abs(acceleration(s.path, s.x_m, s.v_m_s, s.tau_s))
+    damping = s.machine.load_coefficient_n_s_m * abs(s.v_m_s)
+    return inertia + damping <= p.engine.rest_stiffness_n_m * REST_M
+
+
+def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
+    """Take a valid tick's orders; ordinarily they are the ones in force already."""
+    now_ns = s.tick * p.period_ns
+    if s.stale:
+        if s.stale >= p.stale_ticks:
+            events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
+        s = s._replace(stale=0)
+    order = command.machine
+    if order is not None and order != s.machine.order:
+        s = _reorder(p, s, order, now_ns, events)
+    if not command.may_fire:
+        if s.pulses.next_edge_ns < NEVER_NS:
+            injector = Injector(p.flow_kg_s, p.dead_time_ns)
+            s = s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
+    elif command.pulses:
+        pulses, refused = actuation.receive(s.pulses, command.pulses, now_ns)
+        for reason, pulse in refused:
+            text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
+            events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
+        if pulses is not s.pulses:
+            s = s._replace(pulses=pulses)
+    return s
+
+
+def _reorder(
+    p: PlantParams, s: PlantState, order: MachineOrder, now_ns: int, events: list[Event]
+) -> PlantState:
+    """Put a new machine order in force, or refuse it."""
+    reason = objection(order)
+    if reason:
+        events.append(Event(now_ns, ORDER_REFUSED, reason))
+        return s
+    before = s.machine
+    machine = obey(p, order, s.disturbances.load_scale)
+    s = s._replace(machine=machine)
+    return repath(p, s, now_ns, events) if machine[1:] != before[1:] else s
+
+
+def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Count the silence; when it has lasted, brake, and close the injectors."""
+    stale = s.stale + 1
+    s = s._replace(stale=stale)
+    if stale != p.stale_ticks:
+        return s
+    now_ns = s.tick * p.period_ns
+    text = f"no valid command for {stale} ticks: injectors closed, ignition off, machine braking"
+    events.append(Event(now_ns, SAFE_STATE, text))
+    injector = Injector(p.flow_kg_s, p.dead_time_ns)
+    s = s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
+    return _reorder(p, s, safe_order(p), now_ns, events)

@@ -1,0 +1,184 @@
+"""Commands reach a process with their origin; status leaves it; both at no cost to the loop."""
+
+import asyncio
+import contextlib
+import json
+import time
+
+import pytest
+import zenoh
+
+from drivers.channels import MAX_COMMAND_BYTES, MemoryCommands, MemoryStatus, origin_text
+from drivers.links import open_link, open_operator
+from drivers.zenoh_config import session_config
+from hil.config.process import LinkConfig, LoopConfig
+from hil.errors import ConfigError, LinkError
+from tests.contract.conftest import free_tcp_endpoints, zenoh_config
+
+LOCKSTEP = LoopConfig(clock="lockstep")
+
+
+@pytest.fixture
+def bench():
+    """Plant, controller and an operator on one engine."""
+    config = zenoh_config(free_tcp_endpoints())
+    with contextlib.ExitStack() as stack:
+        plant = open_link("plant", config, LOCKSTEP)
+        stack.callback(plant.close)
+        controller = open_link("controller", config, LOCKSTEP)
+        stack.callback(controller.close)
+        operator = open_operator(config, LOCKSTEP, "hil run")
+        stack.callback(operator.close)
+        asyncio.run(operator.wait_for({"plant", "controller"}, 5.0))
+        yield plant, controller, operator
+
+
+def eventually(poll, seconds=2.0):
+    end = time.monotonic() + seconds
+    while (found := poll()) is None:
+        assert time.monotonic() < end
+    return found
+
+
+def test_a_command_reaches_both_processes_with_its_origin(bench):
+    plant, controller, operator = bench
+    operator.send_command({"kind": "start"})
+    operator.send_command({"kind": "set", "tdc_ref_m": 0.0155})
+    for process in (plant, controller):
+        origin, raw = eventually(process.commands.poll)
+        assert json.loads(raw) == {"kind": "start"}
+        assert origin.startswith("hil run, process ")
+        assert "(zenoh " in origin
+        assert json.loads(eventually(process.commands.poll)[1])["tdc_ref_m"] == 0.0155
+        assert process.commands.poll() is None
+
+
+def test_frames_and_commands_do_not_mix(bench):
+    plant, controller, operator = bench
+    operator.send_command({"kind": "stop"})
+    plant.link.send(b"x" * 10)
+    assert controller.link.wait(2_000_000_000) == b"x" * 10
+    assert json.loads(eventually(controller.commands.poll)[1]) == {"kind": "stop"}
+    assert plant.link.receive() is None
+
+
+def test_an_oversized_command_is_cut_so_that_it_cannot_be_parsed(bench):
+    _, controller, operator = bench
+    operator.send_command({"kind": "x" * 2 * MAX_COMMAND_BYTES})
+    _, raw = eventually(controller.commands.poll)
+    assert len(raw) < MAX_COMMAND_BYTES + 10
+    with pytest.raises(json.JSONDecodeError):
+        json.loads(raw)
+
+
+def test_status_is_followed_from_a_loop(bench):
+    plant, controller, operator = bench
+
+    async def follow():
+        plant.status.publish({"tick": 4, "tdc_m": float("nan")})
+        controller.status.publish({"mode": "run"})
+        seen = {}
+        async for process, status in operator.statuses():
+            seen[process] = status
+            if len(seen) == 2:
+                return seen
+        return None
+
+    seen = asyncio.run(asyncio.wait_for(follow(), 5.0))
+    assert seen == {"plant": {"tick": 4, "tdc_m": None}, "controller": {"mode": "run"}}
+
+
+def test_the_operator_sees_who_leaves(bench):
+    _, controller, operator = bench
+    assert operator.alive() >= {"plant", "controller"}
+    controller.close()
+    eventually(lambda: None if "controller" in operator.alive() else True)
+    assert "plant" in operator.alive()
+
+
+def test_a_command_that_nobody_takes_is_an_error(bench):
+    plant, controller, operator = bench
+    plant.close()
+    controller.close()
+    eventually(lambda: None if operator.alive() else True)
+    with pytest.raises(LinkError, match="no process of engine 'contract' takes commands"):
+        operator.send_command({"kind": "start"})
+    with pytest.raises(LinkError, match=r"no controller and no plant after 0\.05 s"):
+        asyncio.run(operator.wait_for({"plant", "controller"}, 0.05))
+
+
+def test_publishing_after_the_end_is_no_error(bench):
+    plant, _, _ = bench
+    plant.close()
+    plant.close()
+    plant.status.publish({"tick": 1})
+    assert plant.commands.poll() is None
+
+
+def test_a_controller_may_be_started_before_the_plant():
+    config = zenoh_config(free_tcp_endpoints())
+    controller = open_link("controller", config, LOCKSTEP)
+    plant = open_link("plant", config, LOCKSTEP)
+    try:
+        controller.link.wait_for_peer(5.0)
+        plant.link.wait_for_peer(5.0)
+    finally:
+        plant.close()
+        controller.close()
+
+
+def test_a_missing_peer_is_named_with_its_endpoint():
+    config = zenoh_config(free_tcp_endpoints())
+    plant = open_link("plant", config, LOCKSTEP)
+    endpoint = config.zenoh.controller_endpoint
+    with pytest.raises(LinkError, match=rf"^no controller at {endpoint} after 0\.05 s$"):
+        plant.link.wait_for_peer(0.05)
+    plant.close()
+
+
+def test_a_second_plant_on_the_same_endpoint_is_refused():
+    config = zenoh_config(free_tcp_endpoints())
+    plant = open_link("plant", config, LOCKSTEP)
+    with pytest.raises(LinkError, match="plant cannot open"):
+        open_link("plant", config, LOCKSTEP)
+    plant.close()
+
+
+def test_a_link_is_open_again_where_it_was_closed(sockets):
+    ends = [f"unixsock-stream/{sockets}/again-{end}" for end in "pc"]
+    for _ in range(2):
+        connection = open_link("plant", zenoh_config(ends), LOCKSTEP)
+        connection.close()
+
+
+def test_a_kind_that_joins_no_two_processes_is_refused():
+    with pytest.raises(ConfigError, match=r"link\.kind = 'memory' between two processes: accepted"):
+        open_link("plant", LinkConfig(kind="memory"), LOCKSTEP)
+
+
+def test_a_session_that_never_said_its_name_is_logged_as_such(bench):
+    _, controller, operator = bench
+    tree = session_config("bench", operator._node.config, lockstep=True)
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
+        publisher = session.declare_publisher("hil/contract/command")
+        eventually(lambda: publisher.matching_status.matching or None)
+        publisher.put(b"\xff{")
+        assert eventually(controller.commands.poll) == ("unnamed (unknown session)", b"\xff{")
+
+
+def test_an_origin_is_fit_for_a_log_line():
+    assert origin_text(b"") == "unnamed"
+    assert origin_text(b"hil run\n\x1b[31m") == "hil run??[31m"
+    assert len(origin_text(b"\xff" * 1000)) == 64
+
+
+def test_channels_inside_one_process():
+    commands, status = MemoryCommands(), MemoryStatus()
+    shown = []
+    status.on_publish = shown.append
+    commands.submit("test", {"kind": "start"})
+    status.publish({"tick": 1, "x_m": float("inf")})
+    assert commands.poll() == ("test", b'{"kind": "start"}')
+    assert commands.poll() is None
+    assert status.newest == {"tick": 1, "x_m": None}
+    assert shown == [status.newest]

@@ -1,0 +1,77 @@
+"""The plant's configuration: ranges, overrides and event kinds."""
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from hil.config.plant import PlantConfig, PlantEvent
+from hil.prototypes import PROTOTYPES
+
+EVENT = TypeAdapter(PlantEvent)
+
+
+def test_defaults_are_the_newcastle_engine_and_the_harmonic_model():
+    config = PlantConfig()
+    assert (config.prototype, config.model) == ("nu", "harmonic")
+    assert config.resolved_prototype() == PROTOTYPES["nu"]
+
+
+def test_single_figures_replace_the_prototypes():
+    config = PlantConfig(
+        prototype="bit", load_coefficient_n_s_m=300.0, engine={"moving_mass_kg": 6.0}
+    )
+    prototype = config.resolved_prototype()
+    assert (prototype.load_coefficient_n_s_m, prototype.moving_mass_kg) == (300.0, 6.0)
+    assert prototype.bore_m == PROTOTYPES["bit"].bore_m
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"modle": "harmonic"},
+        {"model": "cubic"},
+        {"load_coefficient_n_s_m": -1.0},
+        {"load_coefficient_n_s_m": float("nan")},
+        {"engine": {"bore_m": 0.0}},
+        {"engine": {"load": 1.0}},
+        {"contact_restitution": 1.0},
+        {"stale_ticks": 0},
+        {"spark_window_s": 0.0},
+    ],
+)
+def test_unknown_keys_and_values_out_of_range_are_refused(bad):
+    with pytest.raises(ValidationError):
+        PlantConfig.model_validate(bad)
+
+
+@pytest.mark.parametrize(
+    "good",
+    [
+        {"kind": "load-scale", "value": 0.85, "at_s": 1.1, "at_stroke_fraction": 0.25},
+        {"kind": "efficiency", "until_s": 3.0},
+        {"kind": "misfire", "count": 2, "cause": "fuel"},
+        {"kind": "sensor-fault", "signal": "v", "duration_s": 0.1},
+    ],
+)
+def test_every_kind_of_event_can_be_named(good):
+    event = EVENT.validate_python(good)
+    assert event.kind == good["kind"]
+    assert event.at_s == good.get("at_s", 0.0)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"kind": "earthquake"},
+        {"kind": "load-scale"},
+        {"kind": "load-scale", "value": -0.1},
+        {"kind": "load-scale", "value": 0.85, "at_stroke_fraction": 1.5},
+        {"kind": "load-scale", "value": 0.85, "at_s": 2.0, "until_s": 1.0},
+        {"kind": "efficiency", "low": 0.9, "high": 0.8},
+        {"kind": "misfire", "at_stroke_fraction": 0.5},
+        {"kind": "sensor-fault", "signal": "p", "duration_s": 0.1},
+        {"kind": "misfire", "at_s": -1.0},
+    ],
+)
+def test_events_out_of_range_are_refused(bad):
+    with pytest.raises(ValidationError):
+        EVENT.validate_python(bad)
