@@ -65,7 +65,10 @@ def read_run(scenario: Scenario, files: RunFiles) -> RunData:
         return RunData(
             scenario,
             read_truth(plant, first_m, set_points(controller)),
-            {name: read_timing(log) for name, log in both.items()},
+            {
+                "plant": read_timing(plant),
+                "controller": read_timing(controller, sample_driven=True),
+            },
             happenings,
             instants(scenario, happenings),
             _electric_energy_j(plant, scenario.loop.period_ns),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from bench.figures import RunData
@@ -60,25 +61,32 @@ _RC = {
 
 WIDE, HALF = 11.0, 5.4
 
+_LABEL_LINES = 3
+_LABEL_SHARE = 0.0085  # width of a character as a share of a wide picture
 
-def canvas(width: float, height: float, rows: int = 1, **layout: Any) -> tuple[Figure, list[Axes]]:  # noqa: ANN401
-    """Return an empty figure in the report's style and its axes from top to bottom."""
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the report's style inside this context."""
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     with mpl.rc_context(_RC):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        grid = figure.subplots(rows, 1, squeeze=False, **layout)
+        yield
+
+
+def canvas(width: float, height: float, rows: int = 1, **layout: Any) -> tuple[Figure, list[Axes]]:  # noqa: ANN401
+    """Return an empty figure and its axes from top to bottom."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    grid = figure.subplots(rows, 1, squeeze=False, **layout)
     return figure, [row[0] for row in grid]
 
 
 def svg(figure: Figure) -> str:
     """Return the figure as an SVG element, the same for the same figure."""
-    import matplotlib as mpl
-
     buffer = io.StringIO()
-    with mpl.rc_context(_RC):
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     text = buffer.getvalue()
     return text[text.index("<svg") :]
 
@@ -106,32 +114,42 @@ def event_marks(data: RunData) -> list[tuple[float, str]]:
     return [(t_s, ", ".join(labels)) for t_s, labels in sorted(marks.items())]
 
 
-def mark_events(
-    axes: Axes, marks: Sequence[tuple[float, str]], *, scale: float = 1.0, labelled: bool = True
-) -> None:
-    """Draw a line at each event inside the axes, and its label above the frame."""
+def mark_events(axes: Axes, marks: Sequence[tuple[float, str]], *, labelled: bool = False) -> None:
+    """Draw a line at each event inside the axes, its label at the top where there is room."""
     low, high = axes.get_xlim()
+    taken = [low - high] * _LABEL_LINES
     for t_s, label in marks:
-        place = t_s * scale
-        if not low <= place <= high:
+        if not low <= t_s <= high:
             continue
-        axes.axvline(place, color=EVENT, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
-        if labelled:
-            leans_left = place > low + 0.8 * (high - low)
-            axes.annotate(
-                label,
-                (place, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(-4 if leans_left else 4, 3),
-                textcoords="offset points",
-                ha="right" if leans_left else "left",
-                va="bottom",
-                color=EVENT,
-                fontsize=8.5,
-            )
+        axes.axvline(t_s, color=EVENT, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
+        if not labelled:
+            continue
+        width = _LABEL_SHARE * len(label) * (high - low)
+        leans_left = t_s + width > high
+        begin = t_s - width if leans_left else t_s
+        line = next((n for n, end in enumerate(taken) if end <= begin), _LABEL_LINES - 1)
+        taken[line] = begin + width
+        _write_label(axes, t_s, label, line, leans_left=leans_left)
+
+
+def _write_label(axes: Axes, t_s: float, label: str, line: int, *, leans_left: bool) -> None:
+    axes.annotate(
+        label,
+        (t_s, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(-5 if leans_left else 5, -3 - 12 * line),
+        textcoords="offset points",
+        ha="right" if leans_left else "left",
+        va="top",
+        color=EVENT,
+        fontsize=8.5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8},
+    )
 
 
 def band(axes: Axes, centre: float, half_width: float, label: str | None = None) -> None:
     """Draw a set point with its band."""
-    axes.axhspan(centre - half_width, centre + half_width, color=BAND, alpha=0.16, lw=0, label=label)
+    axes.axhspan(
+        centre - half_width, centre + half_width, color=BAND, alpha=0.16, lw=0, label=label
+    )
     axes.axhline(centre, color=WANTED, linewidth=0.9, linestyle=(0, (5, 3)))

@@ -54,7 +54,7 @@ def loops(data: RunData, traces: Traces) -> Figure | None:
     inner.set_xlim(0.0, max(data.truth.end_ns * 1e-9, 1e-3))
     for axes in (speed, outer, inner):
         axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-        mark_events(axes, event_marks(data), labelled=False)
+        mark_events(axes, event_marks(data))
     return figure
 
 
@@ -110,5 +110,5 @@ def lateness_over_time(data: RunData, traces: Traces) -> Figure:
     axes.set_xlabel("t  [s]")
     axes.set_ylabel("woken after due  [µs]")
     axes.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    mark_events(axes, event_marks(data), labelled=False)
+    mark_events(axes, event_marks(data))
     return figure

@@ -55,11 +55,11 @@ def _draw_position(axes: Axes, data: RunData, traces: Traces) -> None:
                   xytext=(0, -3), textcoords="offset points", ha="right", va="top",
                   fontsize=8, color=WANTED)  # fmt: skip
     axes.set_xlim(*traces.window_s)
-    axes.set_ylim(-1.12 * head_mm, 1.12 * head_mm)
+    axes.set_ylim(-1.15 * head_mm, 1.42 * head_mm)
     axes.set_title("Piston position")
     axes.set_ylabel("x  [mm]")
     axes.set_xlabel("t  [s]")
-    mark_events(axes, event_marks(data))
+    mark_events(axes, event_marks(data), labelled=True)
 
 
 def _draw_tdc(axes: Axes, data: RunData) -> None:
@@ -80,7 +80,7 @@ def _draw_tdc(axes: Axes, data: RunData) -> None:
     axes.set_ylabel("TDC  [mm]")
     axes.set_xlabel("t  [s]")
     axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    mark_events(axes, event_marks(data), labelled=False)
+    mark_events(axes, event_marks(data))
 
 
 def tdc_error(data: RunData) -> Figure | None:
@@ -106,7 +106,7 @@ def tdc_error(data: RunData) -> Figure | None:
     axes.set_title(f"TDC error after {instant.name}")
     axes.set_ylabel("TDC − set point  [mm]")
     axes.set_xlabel(f"time since {instant.name}  [ms]")
-    mark_events(axes, [(0.0, "")], labelled=False)
+    mark_events(axes, [(0.0, "")])
     return figure
 
 
@@ -164,7 +164,7 @@ def fuel(data: RunData, traces: Traces) -> Figure:
     axes.set_xlabel("t  [s]")
     axes.set_ylabel("m  [mg]")
     axes.legend(loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.09), borderaxespad=0.0)
-    mark_events(axes, event_marks(data), labelled=False)
+    mark_events(axes, event_marks(data))
     return figure
 
 
@@ -174,9 +174,9 @@ def load(data: RunData, traces: Traces) -> Figure:
     axes.step(traces.load.t_s, traces.load.value, where="post", color=MOTION)
     axes.set_xlim(0.0, max(data.truth.end_ns * 1e-9, 1e-3))
     top = float(np.max(traces.load.value, initial=1.0))
-    axes.set_ylim(0.0, 1.15 * top)
+    axes.set_ylim(0.0, 1.3 * top)
     axes.set_title("Electric load in force")
     axes.set_xlabel("t  [s]")
     axes.set_ylabel("c  [N s/m]")
-    mark_events(axes, event_marks(data))
+    mark_events(axes, event_marks(data), labelled=True)
     return figure

@@ -11,7 +11,7 @@ from typing import Any
 from bench import plots_control, plots_motion
 from bench.figures import RunData
 from bench.outdir import RunFiles
-from bench.plot_style import svg
+from bench.plot_style import style, svg
 from bench.report_page import STYLE, TILES, Tile
 from bench.summary import Summary
 from bench.traces import Traces, read_traces
@@ -27,7 +27,8 @@ def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
     """
     traces = read_traces(data, files)
     try:
-        pictures = _pictures(data, traces)
+        with style():
+            pictures = _pictures(data, traces)
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
@@ -37,7 +38,8 @@ def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
 
 def save_picture(data: RunData, files: RunFiles, path: Path) -> None:
     """Write the overview alone as an SVG file, as the documentation shows it."""
-    text = svg(plots_motion.overview(data, read_traces(data, files)))
+    with style():
+        text = svg(plots_motion.overview(data, read_traces(data, files)))
     path.write_text(text, encoding="utf-8")
 
 
@@ -123,8 +125,7 @@ def _tile(tile: Tile, summary: Summary) -> str:
     extra = figures.get(tile.extra_key) if tile.extra_key else None
     more = "" if extra is None else f"<small>{tile.extra.format(extra)}</small>"
     return (
-        f'<div class="tile"><span>{tile.title}</span>'
-        f"<b>{shown}<em>{tile.unit}</em></b>{more}</div>"
+        f'<div class="tile"><span>{tile.title}</span><b>{shown}<em>{tile.unit}</em></b>{more}</div>'
     )
 
 

@@ -24,17 +24,19 @@ NOMINAL_FUEL_KG = 2.8185e-6
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
 
 
-def resolve(scenario: Scenario, sockets: Path) -> Scenario:
+def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
     """Return the scenario with set point, loads, limits, preset and endpoints all given.
 
-    Parameters: sockets : directory for the Zenoh sockets of this run, with a short path
+    Parameters: sockets : directory for the Zenoh sockets of this run, with a short path; None
+        leaves the endpoints as they are
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     tree = scenario.model_dump()
     prototype = _prototype(scenario)
     tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
     _fill_controller(scenario, prototype, tree["controller"])
-    _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
+    if sockets is not None:
+        _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
@@ -88,8 +90,10 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
         fuel_kg = tree["open_loop"]["fuel_kg"]
     if fuel_kg is None:
         fuel_kg = _fuel_for_tdc(engine, tree["tdc_ref_m"], load)
-    settled = _settled(scenario, engine, fuel_kg, load)
     preset["fuel_kg"] = fuel_kg
+    if None not in preset.values():
+        return
+    settled = _settled(scenario, engine, fuel_kg, load)
     if preset["v_mid_m_s"] is None:
         preset["v_mid_m_s"] = settled.v_mid_m_s
     if preset["stroke_s"] is None:

@@ -69,7 +69,7 @@ async def _run(scenario: Scenario, files: RunFiles, view: View) -> Ended:
         loop.add_signal_handler(number, interrupt.set)
     started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     start_s = time.monotonic()
-    async with watch_status(scenario.link, view.update):
+    async with watch_status(scenario, view.update):
         children = await _start(scenario, files, view)
         end = await supervise(children, interrupt)
     wall_s = time.monotonic() - start_s

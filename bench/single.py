@@ -12,6 +12,7 @@ import controller.main
 import plant.main
 from controller.loop import ControllerLoop
 from drivers.links import open_memory
+from drivers.memory_link import MemoryLink
 from drivers.process import Stop, guarded, last_words, open_recorder, read_scenario
 from hil.config.scenario import Scenario
 from hil.ports import Link
@@ -35,6 +36,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
         controller_loop = controller.main.make_loop(
             scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
         )
+        assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = _turn_of(controller_loop, controller_end.link)
         granted = prepare(scenario.realtime)
         start_s = time.perf_counter()
@@ -74,9 +76,7 @@ def main() -> int:
     parser.add_argument("--plant-log", type=Path)
     parser.add_argument("--controller-log", type=Path)
     given = parser.parse_args()
-    return guarded(
-        lambda: run(read_scenario(given.config), given.plant_log, given.controller_log)
-    )
+    return guarded(lambda: run(read_scenario(given.config), given.plant_log, given.controller_log))
 
 
 if __name__ == "__main__":

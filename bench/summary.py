@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-import platform
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from bench.figures import RunData, event_figures, figures
 from bench.outdir import RunFiles
 from bench.verdict import Check, judge
+from drivers.process import versions
 from hil.config.scenario import Scenario
 from hil.errors import LogError
 
 SCHEMA = 1
-_PACKAGES = ("fpeg-hil", "numpy", "pydantic", "mcap", "eclipse-zenoh", "python-can", "uvloop")
 
 Summary = dict[str, Any]
 
@@ -27,7 +25,7 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
     Parameters: run : what the orchestration knows: how the processes ended, wall time, error
     """
     checks = judge(data)
-    loop_s = [p["wall_s"] for p in run.get("processes", {}).values() if p.get("wall_s")]
+    loop_s = [p["loop_s"] for p in run.get("processes", {}).values() if p.get("loop_s")]
     return {
         **_head(data.scenario, run, checks),
         "expectations": [check._asdict() for check in checks],
@@ -80,17 +78,6 @@ def _tail(scenario: Scenario, run: dict[str, Any]) -> Summary:
         },
         "versions": versions(),
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, the kernel and the packages that shape a run."""
-    found = {"python": platform.python_version(), "kernel": platform.release()}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def write(summary: Summary, path: Path) -> None:

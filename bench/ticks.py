@@ -72,8 +72,13 @@ class TickTiming(NamedTuple):
     without_peer: int
 
 
-def read_timing(log: Log) -> TickTiming:
-    """Gather the punctuality of a process in one pass."""
+def read_timing(log: Log, *, sample_driven: bool = False) -> TickTiming:
+    """Gather the punctuality of a process.
+
+    A process that is driven by samples has no deadline of its own: its lateness counts from the
+    earliest phase at which a sample came.
+    """
+    origin_ns = earliest_ns(log) if sample_driven else 0
     late, work = Histogram(), Histogram()
     ages: Counts = np.zeros(_AGES, dtype=np.int64)
     ticks = missed = without = 0
@@ -82,7 +87,7 @@ def read_timing(log: Log) -> TickTiming:
         run = block[block["missed"] == 0]
         ticks += len(block)
         missed += len(block) - len(run)
-        late.add(run["woke_ns"] - run["scheduled_ns"])
+        late.add(run["woke_ns"] - run["scheduled_ns"] - origin_ns)
         work.add(run["done_ns"] - run["woke_ns"])
         used = run["used_tick"]
         if not met_peer and len(first := np.flatnonzero(used >= 0)):
@@ -93,6 +98,16 @@ def read_timing(log: Log) -> TickTiming:
             ages += np.bincount(np.clip(age, 0, _AGES - 1), minlength=_AGES)
             without += int((used < 0).sum())
     return TickTiming(ticks, missed, late, work, ages, without)
+
+
+def earliest_ns(log: Log) -> int:
+    """Return the least lateness of a run, which may be negative."""
+    least = [
+        int((run["woke_ns"] - run["scheduled_ns"]).min())
+        for block in log.blocks("/timing")
+        if len(run := block[block["missed"] == 0])
+    ]
+    return min(least, default=0)
 
 
 def age_quantile(ages: Counts, share: float) -> int | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bench.figures import RunData, disturbances
 from bench.outdir import RunFiles
 from bench.strokes import Floats
+from bench.ticks import earliest_ns
 from hil import log as logs
 from hil.log import Log
 
@@ -64,8 +65,10 @@ def read_traces(data: RunData, files: RunFiles) -> Traces:
         rows, load = _read_truth(plant, window)
         lateness = {}
         if data.scenario.loop.clock == "realtime":
-            both = {"plant": plant, "controller": controller}
-            lateness = {name: _read_lateness(log) for name, log in both.items()}
+            lateness = {
+                "plant": _read_lateness(plant, sample_driven=False),
+                "controller": _read_lateness(controller, sample_driven=True),
+            }
         strokes = controller.array("/stroke")
     t_s = rows["t_ns"] * 1e-9
     return Traces(window, t_s, rows["x_m"], rows["v_m_s"], load, strokes, lateness)
@@ -88,16 +91,17 @@ def _read_truth(plant: Log, window: tuple[float, float]) -> tuple[NDArray[Any], 
     return np.concatenate(rows), Steps(np.append(t_s, end_s), np.append(values, last))
 
 
-def _read_lateness(log: Log) -> Profile:
+def _read_lateness(log: Log, *, sample_driven: bool) -> Profile:
     """Return the lateness over the run in a fixed number of bins."""
     count = max(log.topics["/timing"].messages, 1)
     end_ns = max(log.end_ns, 1)
     bins = min(_PROFILE_BINS, count)
     largest, total, number = np.zeros(bins), np.zeros(bins), np.zeros(bins)
+    origin_ns = earliest_ns(log) if sample_driven else 0
     for block in log.blocks("/timing"):
         run = block[block["missed"] == 0]
         place = np.minimum(run["t_ns"] * bins // (end_ns + 1), bins - 1).astype(np.int64)
-        late = np.maximum((run["woke_ns"] - run["scheduled_ns"]) * 1e-3, 0.0)
+        late = np.maximum((run["woke_ns"] - run["scheduled_ns"] - origin_ns) * 1e-3, 0.0)
         np.maximum.at(largest, place, late)
         total += np.bincount(place, weights=late, minlength=bins)
         number += np.bincount(place, minlength=bins)

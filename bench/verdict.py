@@ -32,7 +32,9 @@ def judge(data: RunData) -> list[Check]:
         for key in _JUDGES.keys() & given.keys():
             checks.append(_check(name, key, data, expectation, begin_ns))
     order = list(_JUDGES)
-    return sorted(checks, key=lambda c: (list(data.scenario.expect).index(c.name), order.index(c.key)))
+    return sorted(
+        checks, key=lambda c: (list(data.scenario.expect).index(c.name), order.index(c.key))
+    )
 
 
 def _check(

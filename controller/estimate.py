@@ -79,9 +79,7 @@ def _first(motion: Motion, t_ns: int, x: float, v: float) -> Motion:
     )
 
 
-def _reversed(
-    motion: Motion, t_ns: int, x: float, v: float, a: float
-) -> tuple[Motion, Passed]:
+def _reversed(motion: Motion, t_ns: int, x: float, v: float, a: float) -> tuple[Motion, Passed]:
     """The velocity has changed its sign: a dead centre, if it is one worth the name."""
     dc_t_ns, dc_x = dead_centre_between(motion.t_ns, motion.x_m, motion.v_m_s, t_ns, x, v)
     turned = motion._replace(

@@ -42,13 +42,13 @@ def load_for_power(engine: Prototype, tdc_m: float, power_w: float) -> float:
     """
     m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
     d = math.pi * engine.gamma * power_w / (2.0 * Ls * tdc_m)
-    omega = math.sqrt(k0 / m) + (d / m) ** (1.0 / 3.0)
+    omega = math.sqrt(k0 / m) + math.cbrt(d / m)
     for _ in range(_NEWTON_STEPS):
         step = (m * omega**2 - d / omega - k0) / (2.0 * m * omega + d / omega**2)
         omega -= step
         if abs(step) < 1e-12 * omega:
             break
-    return 2.0 * power_w / (tdc_m * omega) ** 2
+    return 2.0 * power_w / (tdc_m * tdc_m * omega * omega)
 
 
 def motoring_force(

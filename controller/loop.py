@@ -233,7 +233,7 @@ def _packed_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> bytes:
     """One finished stroke with the terms of both loops."""
     demand: Any = stroke.demand
     return topics.STROKE.pack(
-        stroke.index, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
+        stroke.number, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
         demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
         demand.inner_p_kg, demand.inner_i_kg,
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from controller.actuator import Machine
 from controller.laws.interface import Demand
 from hil.config.controller import LimitsConfig
@@ -27,7 +29,7 @@ def limit_machine(limits: LimitsConfig, machine: Machine) -> Machine:
 
 def _clamped(force_n: float, most: float) -> float:
     """The force at its limit, or none when it is nan."""
-    return 0.0 if force_n != force_n else min(max(force_n, -most), most)
+    return 0.0 if math.isnan(force_n) else min(max(force_n, -most), most)
 
 
 def is_beyond(limit_m: float, x_m: float) -> bool:

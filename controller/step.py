@@ -6,6 +6,7 @@ estimate -> start/restart -> supervisory -> piston motion -> timing -> actuator 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from controller import actuator, estimate, safety, supervisory, timing
@@ -26,7 +27,10 @@ MISFIRE_CHECK_FRACTION = 0.25
 """Part of a stroke after which the piston's speed tells whether the charge has burnt."""
 
 MISFIRE_SPEED_RATIO = 0.5
-"""Below this share of the expected speed it has not: unburnt, the air spring alone gives a fifth."""
+"""Below this share of the expected speed it has not: the air spring alone gives a fifth."""
+
+FIRING_MODES = (Mode.MOTORING, Mode.GENERATING)
+"""In any other mode the TTL lines are low; the plant's decoder knows the same two."""
 
 REST_SPEED_M_S = 2e-3
 REST_POSITION_M = 2e-3
@@ -71,7 +75,7 @@ class Inputs(NamedTuple):
 class StrokeReport(NamedTuple):
     """One finished stroke, for the log."""
 
-    index: int
+    number: int
     side: int
     tdc_m: float
     tdc_ref_m: float
@@ -88,6 +92,7 @@ class Output(NamedTuple):
     pulses: tuple[PlannedPulse, ...]
     stroke: StrokeReport | None
     events: tuple[tuple[str, str], ...]
+    may_fire: bool
 
 
 def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Params:
@@ -129,28 +134,23 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         plan, demand = NO_PLAN, NO_DEMAND
     if passed.mid_stroke and _may_fire(params, mode, motion, set_points):
         law, demand = _demand(params, state, motion, set_points)
-        plan = timing.plan_injection(
-            params.config, motion, t_ns, params.period_ns, demand.fuel_kg
-        )
+        plan = timing.plan_injection(params.config, motion, t_ns, params.period_ns, demand.fuel_kg)
     if plan.fuel_kg > 0.0:
         plan = timing.plan_spark(
             params.config, plan, motion, t_ns, params.period_ns, set_points.point.stroke_s
         )
     pulses = actuator.still_open(state.pulses, (plan.injection, plan.spark), t_ns)
-    machine = safety.limit_machine(
-        params.config.limits, _machine(params, mode, motion, set_points)
-    )
+    machine = safety.limit_machine(params.config.limits, _machine(params, mode, motion, set_points))
     after = State(
         mode, motion, set_points, law, demand, plan, pulses, stale,
         state.misfires, state.fired_t_ns, state.fired_strokes, state.since_t_ns,
     )  # fmt: skip
     messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
-    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events)
+    may_fire = mode in FIRING_MODES
+    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, may_fire)
 
 
-def _observe(
-    state: State, sample: PistonSample | None, t_ns: int
-) -> tuple[Motion, Passed, int]:
+def _observe(state: State, sample: PistonSample | None, t_ns: int) -> tuple[Motion, Passed, int]:
     """Take the sample into the estimate, or count that there was none."""
     if sample is None:
         return state.motion, estimate.NOTHING, state.stale + 1
@@ -159,7 +159,13 @@ def _observe(
 
 
 def _decide_mode(
-    params: Params, state: State, inputs: Inputs, motion: Motion, passed: Passed, stale: int, t_ns: int
+    params: Params,
+    state: State,
+    inputs: Inputs,
+    motion: Motion,
+    passed: Passed,
+    stale: int,
+    t_ns: int,
 ) -> tuple[Mode, State, tuple[tuple[str, str], ...]]:
     """Level 1: judge the combustion, take the operator's command, apply the mode table."""
     events: tuple[tuple[str, str], ...] = ()
@@ -169,9 +175,7 @@ def _decide_mode(
     fired = passed.dead_centre and state.plan.fuel_kg > 0.0
     misfired = False
     if fired:
-        state = state._replace(
-            fired_t_ns=motion.dc_t_ns, fired_strokes=state.fired_strokes + 1
-        )
+        state = state._replace(fired_t_ns=motion.dc_t_ns, fired_strokes=state.fired_strokes + 1)
     elif state.fired_t_ns >= 0 and _check_is_due(state, t_ns):
         misfired = _has_misfired(state, motion)
         misfires = state.misfires + 1 if misfired else 0
@@ -189,7 +193,10 @@ def _decide_mode(
     )
     mode, rule = next_mode(state.mode, facts)
     if rule:
-        events = (*events, (f"mode {mode.name.lower()}", f"{state.mode.name} -> {mode.name}: {rule}"))
+        events = (
+            *events,
+            (f"mode {mode.name.lower()}", f"{state.mode.name} -> {mode.name}: {rule}"),
+        )
         state = _enter(params, state, mode, t_ns)
     return mode, state, events
 
@@ -200,11 +207,15 @@ def _obey(
     """Take an operator's command; start and stop are facts for the mode table."""
     if command.kind == "set-point":
         set_points = supervisory.change(
-            params.config, params.engine, state.set_points, command.tdc_ref_m, command.target_power_w
+            params.config,
+            params.engine,
+            state.set_points,
+            command.tdc_ref_m,
+            command.target_power_w,
         )
         state = state._replace(set_points=set_points)
-    numbers = [f"{name}={value:g}" for name, value in zip(command._fields[1:3], command[1:3], strict=True)
-               if value is not None]  # fmt: skip
+    given = command._asdict() | {"kind": None, "origin": None}
+    numbers = [f"{name}={value:g}" for name, value in given.items() if value is not None]
     return state, (("command", " ".join([command.kind, *numbers, f"from {command.origin}"])),)
 
 
@@ -231,7 +242,7 @@ def _has_misfired(state: State, motion: Motion) -> bool:
     """
     point = state.set_points.point
     scale = motion.tdc_m / state.set_points.tdc_ref_m
-    expected = point.v_mid_m_s * scale * 0.5**0.5  # sin(pi / 4)
+    expected = point.v_mid_m_s * scale * math.sqrt(0.5)  # sin(pi / 4)
     return motion.direction * motion.v_m_s < MISFIRE_SPEED_RATIO * expected
 
 

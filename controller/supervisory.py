@@ -104,5 +104,7 @@ def slew(config: ControllerConfig, engine: Prototype, now: SetPoints, dt: float)
         return now
     most = config.supervisory.load_slew_n_s_m_per_s * dt
     gap = now.load_target_n_s_m - now.load_n_s_m
-    load = now.load_target_n_s_m if abs(gap) <= most else now.load_n_s_m + (most if gap > 0 else -most)
+    load = (
+        now.load_target_n_s_m if abs(gap) <= most else now.load_n_s_m + (most if gap > 0 else -most)
+    )
     return now._replace(load_n_s_m=load, point=with_preset(config, engine, now.tdc_ref_m, load))

@@ -43,7 +43,9 @@ def plan_injection(
 
     The line is high for dead time + fuel / flow.
     """
-    duration_us = config.injector.dead_time_s * 1e6 + fuel_kg / config.injector.static_flow_kg_s * 1e6
+    duration_us = (
+        config.injector.dead_time_s * 1e6 + fuel_kg / config.injector.static_flow_kg_s * 1e6
+    )
     open_ns = _whole_us(t_ns + config.timing.injection_lead_ticks * period_ns)
     channel = INJECTOR_LEFT + _side_ahead(motion)
     return Plan(PlannedPulse(channel, open_ns, round(duration_us) * _US), None, fuel_kg)

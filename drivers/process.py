@@ -59,9 +59,7 @@ def read_scenario(path: Path) -> Scenario:
         raise ConfigError(describe(error, str(path))) from None
 
 
-def open_recorder(
-    path: Path | None, scenario: Scenario, process: str
-) -> Recorder | NullRecorder:
+def open_recorder(path: Path | None, scenario: Scenario, process: str) -> Recorder | NullRecorder:
     """Open the log of a process, with all that a replay needs in it."""
     if path is None:
         return NullRecorder()

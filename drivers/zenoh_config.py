@@ -99,6 +99,8 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
     return {
         "mode": "peer",
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        # Opening returns at once; who is there is asked for by name afterwards.
+        "open": {"return_conditions": {"connect_scouted": False, "declares": False}},
         "listen": {"endpoints": listen, "timeout_ms": 0, "exit_on_failure": True},
         "connect": {
             "endpoints": connect,
@@ -111,7 +113,13 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
             "unicast": {"lowlatency": lockstep, "qos": {"enabled": not lockstep}},
             "link": {
                 "protocols": sorted({endpoint.protocol for endpoint in endpoints}),
-                "tx": {"queue": {"congestion_control": {"drop": {"wait_before_drop": 0}}}},
+                # A send finds one of 16 buffers free or drops at once: it never waits.
+                "tx": {
+                    "queue": {
+                        "size": {"real_time": 16},
+                        "congestion_control": {"drop": {"wait_before_drop": 0}},
+                    }
+                },
                 **_tls(config),
             },
         },

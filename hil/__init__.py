@@ -1,1 +1,1 @@
-"""The bench's shared vocabulary: messages, codec, time, configuration, ports. Imports nothing of ours."""
+"""The shared vocabulary: messages, codec, time, configuration, ports. Imports nothing of ours."""

@@ -29,7 +29,9 @@ def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
     try:
         return FRAME.iter_unpack(batch)
     except struct.error:
-        raise CodecError(f"a batch of {len(batch)} bytes is not a multiple of {FRAME.size}") from None
+        raise CodecError(
+            f"a batch of {len(batch)} bytes is not a multiple of {FRAME.size}"
+        ) from None
 
 
 def _pack_source(layout: Layout) -> list[str]:
@@ -141,7 +143,9 @@ class Encoder:
             try:
                 word = entry.pack(msg) | counter << 8
             except (ValueError, OverflowError):
-                raise CodecError(f"{entry.layout.name} holds a value that is no number: {msg}") from None
+                raise CodecError(
+                    f"{entry.layout.name} holds a value that is no number: {msg}"
+                ) from None
             frames.append(FRAME.pack(can_id, protect(word, entry.crc_starts)))
         return b"".join(frames)
 

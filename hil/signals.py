@@ -81,8 +81,9 @@ class Layout:
     @property
     def data_ids(self) -> bytes:
         """The 16 data identifiers of E2E profile 2, one a counter value, distinct by message."""
-        return bytes((self.can_id * 37 + counter * 11 + (self.can_id >> 8)) & 0xFF
-                     for counter in range(16))
+        return bytes(
+            (self.can_id * 37 + counter * 11 + (self.can_id >> 8)) & 0xFF for counter in range(16)
+        )
 
 
 LAYOUTS: dict[int, Layout] = {}
@@ -108,8 +109,15 @@ def message(
             raise ValueError(f"{cls.__name__}: CAN id {can_id:#x} is {LAYOUTS[can_id].name}'s")
         comment, field_comments = _comments(cls)
         layout = Layout(
-            cls.__name__, can_id, sender, receiver, per_tick, _place(cls), comment,
-            field_comments, cls,
+            cls.__name__,
+            can_id,
+            sender,
+            receiver,
+            per_tick,
+            _place(cls),
+            comment,
+            field_comments,
+            cls,
         )
         LAYOUTS[can_id] = _BY_CLASS[cls] = layout
         return cls

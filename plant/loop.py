@@ -185,7 +185,7 @@ class PlantLoop:
         return Answer(tick, Command(machine, tuple(pulses), mode in _FIRING_MODES), frames)
 
     def _skip(self, tick: int, slot: Slot) -> None:
-        """Integrate a tick whose slot has passed: nothing was sent and nothing could be answered."""
+        """Integrate a tick whose slot has passed: nothing was sent, so nothing was answered."""
         before = self.state
         held = Command() if before.stale == 0 else None
         self.state, events = step(self.params, before, held)

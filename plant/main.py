@@ -32,7 +32,7 @@ def make_params(scenario: Scenario) -> PlantParams:
 
 
 def make_pacer(scenario: Scenario) -> Pacer:
-    """Real time: deadlines, and the newest answer if there is one. Lockstep: the answer must come."""
+    """Real time: deadlines and the newest answer, if any. Lockstep: the answer must come."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
         return RealTimePacer(SystemClock(scenario.realtime.spin_s), period_ns)

@@ -7,7 +7,7 @@ form; a tick with an edge, a dead centre or a contact inside goes through `_busy
 from __future__ import annotations
 
 from plant import actuation, disturbances
-from plant.actuation import NEVER_NS, Injector
+from plant.actuation import NEVER_NS, Injector, PulseOrder
 from plant.disturbances import Held
 from plant.events import (
     ORDER_REFUSED,
@@ -143,17 +143,25 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
     if order is not None and order != s.machine.order:
         s = _reorder(p, s, order, now_ns, events)
     if not command.may_fire:
-        if s.pulses.next_edge_ns < NEVER_NS:
-            injector = Injector(p.flow_kg_s, p.dead_time_ns)
-            s = s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
-    elif command.pulses:
-        pulses, refused = actuation.receive(s.pulses, command.pulses, now_ns)
-        for reason, pulse in refused:
-            text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
-            events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-        if pulses is not s.pulses:
-            s = s._replace(pulses=pulses)
-    return s
+        return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
+    return _take_pulses(s, command.pulses, now_ns, events) if command.pulses else s
+
+
+def _take_pulses(
+    s: PlantState, orders: tuple[PulseOrder, ...], now_ns: int, events: list[Event]
+) -> PlantState:
+    """Enter the pulses that are new, and tell which were refused."""
+    pulses, refused = actuation.receive(s.pulses, orders, now_ns)
+    for reason, pulse in refused:
+        text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
+        events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
+    return s if pulses is s.pulses else s._replace(pulses=pulses)
+
+
+def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
+    """Close the injectors and forget every pulse to come."""
+    injector = Injector(p.flow_kg_s, p.dead_time_ns)
+    return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
 
 
 def _reorder(
@@ -179,6 +187,4 @@ def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     now_ns = s.tick * p.period_ns
     text = f"no valid command for {stale} ticks: injectors closed, ignition off, machine braking"
     events.append(Event(now_ns, SAFE_STATE, text))
-    injector = Injector(p.flow_kg_s, p.dead_time_ns)
-    s = s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
-    return _reorder(p, s, safe_order(p), now_ns, events)
+    return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)

@@ -26,9 +26,7 @@ def step(
     """Fuel for the combustion at the end of this stroke."""
     point, gains = facts.point, config.cascade
     v_max = gains.v_correction_max_m_s
-    outer, v = pi_step(
-        gains.outer, state.outer_m_s, facts.tdc_ref_m - facts.tdc_m, -v_max, v_max
-    )
+    outer, v = pi_step(gains.outer, state.outer_m_s, facts.tdc_ref_m - facts.tdc_m, -v_max, v_max)
     v_ref = point.v_mid_m_s + v.u
     inner, fuel = pi_step(
         gains.inner, state.inner_kg, v_ref - facts.v_mid_m_s,

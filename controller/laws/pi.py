@@ -1,4 +1,4 @@
-"""A PI step with frozen integral in saturation, once a stroke."""
+"""A PI step, once a stroke, whose integral is held while the output is saturated."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ class Terms(NamedTuple):
     i: float
 
 
-def pi_step(gains: Gains, integral: float, e: float, low: float, high: float) -> tuple[float, Terms]:
-    """u = sat(kp e + I), I += ki e; I holds while u is saturated and e pushes further out.
+def pi_step(
+    gains: Gains, integral: float, e: float, low: float, high: float
+) -> tuple[float, Terms]:
+    """Apply u = sat(kp e + I), then I += ki e unless u is saturated and e pushes further out.
 
     Parameters: low, high : limits of u relative to the operating point
-    Returns: the new integral and the terms
+    Returns: the next integral and the terms of this one
     """
-    moved = integral + gains.ki * e
     p = gains.kp * e
-    wanted = p + moved
+    wanted = p + integral
     u = min(max(wanted, low), high)
-    if (wanted - u) * gains.ki * e > 0.0:
-        moved = integral
-        u = min(max(p + moved, low), high)
-    return moved, Terms(u, p, moved)
+    moved = integral if (wanted - u) * gains.ki * e > 0.0 else integral + gains.ki * e
+    return moved, Terms(u, p, integral)

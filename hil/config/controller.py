@@ -29,15 +29,15 @@ class CascadeConfig(Section):
     Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
     """
 
-    outer: Gains = Gains(kp=0.55, ki=53.0)
-    inner: Gains = Gains(kp=0.75e-6, ki=1.54e-6)
+    outer: Gains = Gains(kp=43.15, ki=61.05)
+    inner: Gains = Gains(kp=3.223e-6, ki=2.316e-6)
     v_correction_max_m_s: float = Field(default=1.0, gt=0.0, le=5.0)
 
 
 class SingleLoopConfig(Section):
     """One PI from TDC error to fuel, with the delay of the thesis's Table 6.2 (kg per m)."""
 
-    tdc: Gains = Gains(kp=1.0e-4, ki=2.0e-5)
+    tdc: Gains = Gains(kp=1.8105e-4, ki=1.016e-4)
 
 
 class OpenLoopConfig(Section):

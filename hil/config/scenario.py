@@ -24,7 +24,9 @@ class OperatorEvent(Section):
     def _set_point_has_a_value(self) -> OperatorEvent:
         given = self.tdc_ref_m is not None or self.target_power_w is not None
         if (self.kind == "set-point") != given:
-            raise ValueError("tdc_ref_m or target_power_w belongs to kind = 'set-point', and only there")
+            raise ValueError(
+                "tdc_ref_m or target_power_w belongs to kind = 'set-point', and only there"
+            )
         return self
 
 
@@ -73,5 +75,7 @@ class Scenario(Section):
         for name, expectation in self.expect.items():
             if expectation.event is not None and expectation.event not in self.events:
                 known = ", ".join(self.events) or "none"
-                raise ValueError(f"expect.{name}.event: {expectation.event!r} is no event; known: {known}")
+                raise ValueError(
+                    f"expect.{name}.event: {expectation.event!r} is no event; known: {known}"
+                )
         return self

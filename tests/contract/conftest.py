@@ -15,11 +15,15 @@ _numbers = itertools.count()
 
 
 class Pair(NamedTuple):
-    """Both connections, the plant's first, and how many batches may be under way at once."""
+    """Both connections, the plant's first, and what is asked of them.
+
+    burst: batches under way at once; turns: questions and answers of one test.
+    """
 
     plant: object
     controller: object
     burst: int
+    turns: int
 
 
 def free_tcp_endpoints():
@@ -44,12 +48,12 @@ def zenoh_config(endpoints, engine="contract"):
 @contextlib.contextmanager
 def memory(_folder):
     plant, controller = open_memory()
-    yield Pair(plant, controller, 2000)
+    yield Pair(plant, controller, 2000, 1000)
     plant.close()
     controller.close()
 
 
-def zenoh(endpoints, clock, burst):
+def zenoh(endpoints, clock, burst, turns):
     @contextlib.contextmanager
     def opened(folder):
         config, loop = zenoh_config(endpoints(folder)), LoopConfig(clock=clock)
@@ -57,7 +61,7 @@ def zenoh(endpoints, clock, burst):
         controller = open_link("controller", config, loop)
         plant.link.wait_for_peer(5.0)
         controller.link.wait_for_peer(5.0)
-        yield Pair(plant, controller, burst)
+        yield Pair(plant, controller, burst, turns)
         controller.close()
         plant.close()
 
@@ -71,10 +75,10 @@ def tcp(_folder):
 # In real time a sender drops rather than waits, so its bursts are those of a few skipped ticks.
 LINKS = {
     "memory": memory,
-    "zenoh-tcp-lockstep": zenoh(tcp, "lockstep", 2000),
-    "zenoh-tcp-realtime": zenoh(tcp, "realtime", 30),
-    "zenoh-unix-lockstep": zenoh(unix_endpoints, "lockstep", 2000),
-    "zenoh-unix-realtime": zenoh(unix_endpoints, "realtime", 30),
+    "zenoh-tcp-lockstep": zenoh(tcp, "lockstep", 2000, 1000),
+    "zenoh-tcp-realtime": zenoh(tcp, "realtime", 12, 100),
+    "zenoh-unix-lockstep": zenoh(unix_endpoints, "lockstep", 2000, 1000),
+    "zenoh-unix-realtime": zenoh(unix_endpoints, "realtime", 12, 100),
 }
 
 
@@ -96,3 +100,15 @@ def links(request, sockets):
     """Both ends of a link, drained."""
     with LINKS[request.param](sockets) as opened:
         yield opened.plant.link, opened.controller.link
+
+
+@pytest.fixture
+def config():
+    """A link on two free ports."""
+    return zenoh_config(free_tcp_endpoints())
+
+
+@pytest.fixture
+def socket_config(sockets):
+    """A link on two unix sockets."""
+    return zenoh_config(unix_endpoints(sockets))

@@ -13,15 +13,13 @@ from drivers.links import open_link, open_operator
 from drivers.zenoh_config import session_config
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
-from tests.contract.conftest import free_tcp_endpoints, zenoh_config
 
 LOCKSTEP = LoopConfig(clock="lockstep")
 
 
 @pytest.fixture
-def bench():
+def bench(config):
     """Plant, controller and an operator on one engine."""
-    config = zenoh_config(free_tcp_endpoints())
     with contextlib.ExitStack() as stack:
         plant = open_link("plant", config, LOCKSTEP)
         stack.callback(plant.close)
@@ -75,14 +73,14 @@ def test_status_is_followed_from_a_loop(bench):
     plant, controller, operator = bench
 
     async def follow():
-        plant.status.publish({"tick": 4, "tdc_m": float("nan")})
-        controller.status.publish({"mode": "run"})
         seen = {}
-        async for process, status in operator.statuses():
+        statuses = operator.statuses()
+        while len(seen) < 2:
+            plant.status.publish({"tick": 4, "tdc_m": float("nan")})
+            controller.status.publish({"mode": "run"})
+            process, status = await anext(statuses)
             seen[process] = status
-            if len(seen) == 2:
-                return seen
-        return None
+        return seen
 
     seen = asyncio.run(asyncio.wait_for(follow(), 5.0))
     assert seen == {"plant": {"tick": 4, "tdc_m": None}, "controller": {"mode": "run"}}
@@ -115,8 +113,7 @@ def test_publishing_after_the_end_is_no_error(bench):
     assert plant.commands.poll() is None
 
 
-def test_a_controller_may_be_started_before_the_plant():
-    config = zenoh_config(free_tcp_endpoints())
+def test_a_controller_may_be_started_before_the_plant(config):
     controller = open_link("controller", config, LOCKSTEP)
     plant = open_link("plant", config, LOCKSTEP)
     try:
@@ -127,8 +124,7 @@ def test_a_controller_may_be_started_before_the_plant():
         controller.close()
 
 
-def test_a_missing_peer_is_named_with_its_endpoint():
-    config = zenoh_config(free_tcp_endpoints())
+def test_a_missing_peer_is_named_with_its_endpoint(config):
     plant = open_link("plant", config, LOCKSTEP)
     endpoint = config.zenoh.controller_endpoint
     with pytest.raises(LinkError, match=rf"^no controller at {endpoint} after 0\.05 s$"):
@@ -136,18 +132,16 @@ def test_a_missing_peer_is_named_with_its_endpoint():
     plant.close()
 
 
-def test_a_second_plant_on_the_same_endpoint_is_refused():
-    config = zenoh_config(free_tcp_endpoints())
+def test_a_second_plant_on_the_same_endpoint_is_refused(config):
     plant = open_link("plant", config, LOCKSTEP)
     with pytest.raises(LinkError, match="plant cannot open"):
         open_link("plant", config, LOCKSTEP)
     plant.close()
 
 
-def test_a_link_is_open_again_where_it_was_closed(sockets):
-    ends = [f"unixsock-stream/{sockets}/again-{end}" for end in "pc"]
+def test_a_link_is_open_again_where_it_was_closed(socket_config):
     for _ in range(2):
-        connection = open_link("plant", zenoh_config(ends), LOCKSTEP)
+        connection = open_link("plant", socket_config, LOCKSTEP)
         connection.close()
 
 

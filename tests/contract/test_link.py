@@ -16,12 +16,15 @@ def batch_of(number, frames=6):
 
 
 def take(link, count):
-    return [link.wait(PATIENCE_NS) for _ in range(count)]
+    taken = []
+    while len(taken) < count and (batch := link.wait(PATIENCE_NS)) is not None:
+        taken.append(batch)
+    return taken
 
 
 def test_what_is_sent_arrives_identical_one_for_one_and_in_order(pair):
     lengths = [0, 1, 2, 6, 100, 6, 0, 3]
-    sent = [batch_of(i, lengths[i % len(lengths)]) for i in range(24)]
+    sent = [batch_of(i, length) for i, length in enumerate(lengths)]
     for batch in sent:
         pair.plant.link.send(batch)
     assert take(pair.controller.link, len(sent)) == sent
@@ -38,8 +41,7 @@ def test_a_burst_is_neither_lost_nor_merged_nor_split(pair):
 
 def test_a_thousand_turns_of_question_and_answer(pair):
     plant, controller = pair.plant.link, pair.controller.link
-    controller_turns = range(1000 if pair.burst > 1000 else 50)
-    for turn in controller_turns:
+    for turn in range(pair.turns):
         plant.send(batch_of(turn))
         assert controller.wait(PATIENCE_NS) == batch_of(turn)
         controller.send(batch_of(-turn - 1))
@@ -48,11 +50,11 @@ def test_a_thousand_turns_of_question_and_answer(pair):
 
 def test_the_directions_do_not_mix(pair):
     plant, controller = pair.plant.link, pair.controller.link
-    for turn in range(20):
+    for turn in range(8):
         plant.send(b"p" * 10 + bytes([turn]))
         controller.send(b"c" * 10 + bytes([turn]))
-    assert take(plant, 20) == [b"c" * 10 + bytes([turn]) for turn in range(20)]
-    assert take(controller, 20) == [b"p" * 10 + bytes([turn]) for turn in range(20)]
+    assert take(plant, 8) == [b"c" * 10 + bytes([turn]) for turn in range(8)]
+    assert take(controller, 8) == [b"p" * 10 + bytes([turn]) for turn in range(8)]
     assert plant.receive() is None
     assert controller.receive() is None
 

@@ -91,7 +91,7 @@ def test_dead_centres_do_not_depend_on_the_tick(model, period_ns):
 def test_nonlinear_dead_centres_hardly_depend_on_the_tick():
     events = {"load": load(1.05, at_s=0.1, at_stroke_fraction=0.3)}
     coarse = Rig(make("nonlinear", N, events=events), N).run(0.5)
-    fine = Rig(make("nonlinear", N, events=events, period_ns=20_000), N).run(0.5)
+    fine = Rig(make("nonlinear", N, events=events, period_ns=50_000), N).run(0.5)
     for a, b in zip(coarse.dead_centres, fine.dead_centres, strict=True):
         assert a.x_m == pytest.approx(b.x_m, abs=1e-9)
         assert abs(a.t_ns - b.t_ns) <= 10

@@ -187,6 +187,16 @@ def test_silence_leads_to_the_safe_state_and_commands_lead_out_of_it():
     assert state.machine.load_coefficient_n_s_m == 400.0
 
 
+def test_command_that_may_not_fire_forces_every_line_low():
+    p = params()
+    state, _ = step(p, settled(p), Command(GENERATE, (PulseOrder(1, 0, 9_000), SPARK)))
+    assert state.pulses.lines[1].open is not None
+    state, events = step(p, state, Command(GENERATE, (PulseOrder(1, 0, 9_000),), may_fire=False))
+    assert events == ()
+    assert all(line.open is None and line.pending is None for line in state.pulses.lines)
+    assert state.pulses.fuel_kg[1] == pytest.approx(0.2e-6)
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_engine_without_commands_ends_at_rest(model):
     p = params(model)

@@ -21,15 +21,13 @@ KEY = "link.zenoh.plant_endpoint"
 protocols = st.sampled_from(
     ["tcp", "udp", "tls", "quic", "ws", "serial", "unixpipe", "vsock", "unixsock-stream", "TCP", ""]
 )
-odd_hosts = (
-    "127.0.0.1 127.8.9.10 [::1] 0.0.0.0 [::] 224.0.0.224 127.1 0177.0.0.1 2130706433 localhost"
-    " localhost.other.example 127.0.0.1.other.example 127.0.0.1@10.0.0.1 [::ffff:127.0.0.1]"
-    " [::ffff:10.0.0.1] [::1%eth0] eth0 * /run/x"
-).split()
+odd_hosts = """127.0.0.1 127.8.9.10 [::1] 0.0.0.0 [::] 224.0.0.224 127.1 0177.0.0.1 2130706433
+    localhost localhost.other.example 127.0.0.1.other.example 127.0.0.1@10.0.0.1
+    [::ffff:127.0.0.1] [::ffff:10.0.0.1] [::1%eth0] eth0 * /run/x"""
 hosts = st.one_of(
     st.ip_addresses(v=4).map(str),
     st.ip_addresses(v=6).map("[{}]".format),
-    st.sampled_from(odd_hosts),
+    st.sampled_from(odd_hosts.split()),
     st.text(max_size=20),
 )
 ports = st.one_of(st.integers(0, 70_000).map(":{}".format), st.text(max_size=6))
