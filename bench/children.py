@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import signal
 import sys
@@ -80,10 +81,8 @@ class Child:
         for number in (signal.SIGTERM, signal.SIGKILL):
             if self.exit_code is not None:
                 return
-            try:
+            with contextlib.suppress(ProcessLookupError):  # it ended in this very moment
                 self._process.send_signal(number)
-            except ProcessLookupError:
-                pass  # it ended in this very moment
             await asyncio.wait([asyncio.create_task(self.wait())], timeout=END_GRACE_S)
 
     async def _read_status(self, on_status: Callable[[Status], None]) -> None:

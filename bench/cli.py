@@ -131,9 +131,9 @@ def report(
 @app.command()
 def check() -> None:
     """Say what this machine can do, and how to mend what it cannot."""
-    from bench import check as machine
+    from bench.check import look_around
 
-    raise typer.Exit(machine.main())
+    raise typer.Exit(look_around())
 
 
 def main() -> None:

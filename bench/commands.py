@@ -13,6 +13,7 @@ from bench import closing, outdir, scenarios, summary
 from bench.figures import RunData, read_run
 from bench.outdir import RunFiles
 from bench.progress import view_for
+from bench.resolve import resolve
 from bench.run import INTERRUPTED, Ended, execute
 from drivers.process import read_scenario
 from hil.config.load import parse_assignment
@@ -42,6 +43,7 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     if options.report and find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
     scenario = scenarios.read(name, changes)
+    resolve(scenario)  # before anything is made on the disk
     files = outdir.prepare(scenario.name, options.out, force=options.force)
     console = Console(highlight=False)
     with view_for(scenario, console) as view:
@@ -131,9 +133,7 @@ def list_scenarios() -> int:
 
 def process(side: str, config: Path, log: Path | None) -> int:
     """Run one process, with what its configuration leaves open filled in."""
-    from bench.resolve import resolve
-
-    scenario = resolve(read_scenario(config), None)
+    scenario = resolve(read_scenario(config))
     if side == "plant":
         from plant.main import run as run_plant
 

@@ -123,7 +123,7 @@ def _motion(data: RunData) -> Figures:
     count = len(strokes.t_ns)
     tdc_mm = strokes.tdc_m * 1e3
     fuel_mg = strokes.fuel_kg * 1e6
-    final = Strokes(*(column[-_FINAL_STROKES:] for column in strokes))
+    final = strokes.part(slice(-_FINAL_STROKES, None))
     return {
         "strokes": count,
         "frequency_mean_hz": frequency_hz(strokes),

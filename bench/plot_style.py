@@ -30,7 +30,7 @@ P_TERM, I_TERM = "#0f8b8d", "#b5651d"
 COMMANDED = "#8a94a6"
 PROCESS = {"plant": "#1f5fa8", "controller": "#0f8b8d"}
 
-_RC = {
+_RC: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 10.0,

@@ -1,4 +1,4 @@
-"""What `hil run` shows while it runs: a bar with live figures, or a few lines where nobody looks."""
+"""What `hil run` shows while it runs: a bar with live figures, or a few plain lines."""
 
 from __future__ import annotations
 

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 import uvloop
 
-from bench.children import Child, End, Status, supervise
+from bench.aftermath import error_of
+from bench.children import Child, supervise
 from bench.outdir import RunFiles
 from bench.progress import View
 from bench.resolve import resolve
 from bench.watch import watch_status
 from drivers.recorder import wait_finished
 from hil.config.scenario import Scenario
-from hil.errors import ConfigError, HilError, RunError
+from hil.errors import ConfigError, HilError
 
 INTERRUPTED = 130
 _LOG_TIMEOUT_S = 30.0
@@ -75,7 +76,7 @@ async def _run(scenario: Scenario, files: RunFiles, view: View) -> Ended:
     wall_s = time.monotonic() - start_s
     await _collect(children, files)
     processes = {child.name: _facts(child) for child in children}
-    error = _error_of(end, children, files)
+    error = error_of(end, children, files)
     code = INTERRUPTED if end.interrupted else error.exit_code if error else 0
     return Ended(processes, wall_s, started, error, code)
 
@@ -107,41 +108,3 @@ async def _collect(children: list[Child], files: RunFiles) -> None:
 
 def _facts(child: Child) -> dict[str, Any]:
     return {"pid": child.pid, "exit_code": child.exit_code, **child.result}
-
-
-def _error_of(end: End, children: list[Child], files: RunFiles) -> HilError | None:
-    """Say in one line why the run did not end as it should."""
-    if end.interrupted:
-        return RunError(f"interrupted; logs: {files.directory}")
-    culprit = end.culprit
-    if culprit is None:
-        return None
-    others = [child.name for child in children if child is not culprit]
-    who = f"{culprit.name} (pid {culprit.pid})"
-    code = culprit.exit_code or 0
-    if end.overdue:
-        text = f"{who} did not end on time and was ended"
-        return RunError(f"{text}; logs: {files.directory}")
-    if code < 0:
-        name = signal.Signals(-code).name
-        fate = _fate(culprit, others, files)
-        return RunError(f"{who} was killed by {name}{fate}; logs: {files.directory}")
-    line = (culprit.errors.strip().splitlines() or [f"exit code {code}, no message"])[-1]
-    if code == ConfigError.exit_code:
-        return ConfigError(line)
-    if code == RunError.exit_code:
-        return RunError(f"{culprit.name}: {line}; logs: {files.directory}")
-    return RunError(f"{who} failed: {line}; details: {files.errors_of(culprit.name)}")
-
-
-def _fate(culprit: Child, others: list[str], files: RunFiles) -> str:
-    """Say when the process was killed, and what became of the other one."""
-    from bench.aftermath import last_tick, reached_safe_state
-
-    logs = {"plant": files.plant_log, "controller": files.controller_log}
-    tick = last_tick(logs.get(culprit.name, files.plant_log))
-    text = "" if tick is None else f" at tick {tick}"
-    for name in others:
-        safe = reached_safe_state(logs[name])
-        text += f"; {name} {'reached its safe state' if safe else 'logged no safe state'}"
-    return text

@@ -15,7 +15,7 @@ PACKAGED = Path(__file__).with_name("scenarios")
 
 def packaged() -> tuple[Path, ...]:
     """Return the files of the scenarios that come with the project, by name."""
-    return tuple(sorted(PACKAGED.glob("*.toml")))
+    return tuple(sorted(PACKAGED.glob("*.toml"), key=lambda path: path.stem))
 
 
 def find(name: str) -> Path:

@@ -29,7 +29,7 @@ class Strokes(NamedTuple):
     @property
     def t_s(self) -> Floats:
         """Instants in seconds."""
-        return self.t_ns * 1e-9
+        return np.multiply(self.t_ns, 1e-9, dtype=np.float64)
 
     @property
     def tdc_m(self) -> Floats:
@@ -43,8 +43,12 @@ class Strokes(NamedTuple):
 
     def since(self, t_ns: float) -> Strokes:
         """Return the strokes that end at or after an instant."""
-        chosen = self.t_ns >= t_ns
-        return Strokes(*(column[chosen] for column in self))
+        return self.part(self.t_ns >= t_ns)
+
+    def part(self, chosen: slice | NDArray[np.bool_]) -> Strokes:
+        """Return some of the strokes."""
+        t_ns, x_m, fuel_kg, tdc_ref_m = self
+        return Strokes(t_ns[chosen], x_m[chosen], fuel_kg[chosen], tdc_ref_m[chosen])
 
 
 class Truth(NamedTuple):

@@ -37,7 +37,7 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
 
 def summarise_fault(scenario: Scenario, run: dict[str, Any]) -> Summary:
     """Return the summary of a run whose logs cannot be read."""
-    empty = {"expectations": [], "figures": {}, "events": []}
+    empty: Summary = {"expectations": [], "figures": {}, "events": []}
     return {**_head(scenario, run, []), **empty, **_tail(scenario, run)}
 
 

@@ -61,7 +61,8 @@ class TickTiming(NamedTuple):
     """Punctuality of one process.
 
     late: woken after it was due; work: from waking to done; ages: ticks from the peer's frames
-    to their use, counted (the last bin holds all beyond); peer_ticks: ticks that could have used one
+    to their use, counted (the last bin holds all beyond); without_peer: ticks that used none,
+    after the first that did
     """
 
     ticks: int

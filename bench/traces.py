@@ -77,7 +77,9 @@ def read_traces(data: RunData, files: RunFiles) -> Traces:
 def _read_truth(plant: Log, window: tuple[float, float]) -> tuple[NDArray[Any], Steps]:
     """Return the rows inside the window, and every change of the load."""
     low, high = round(window[0] * 1e9), round(window[1] * 1e9)
-    rows, changes, last = [], [], np.nan
+    rows: list[NDArray[Any]] = []
+    changes: list[Floats] = []
+    last, end_s = np.nan, 0.0
     for block in plant.blocks("/truth"):
         t_ns = block["t_ns"]
         rows.append(block[(t_ns >= low) & (t_ns <= high)])

@@ -66,7 +66,7 @@ def update(motion: Motion, t_ns: int, x: float, v: float) -> tuple[Motion, Passe
         return _reversed(motion, t_ns, x, v, a)
     if not motion.passed_mid and direction * x >= 0.0:
         return _crossed(motion, t_ns, x, v, a)
-    return motion._replace(t_ns=t_ns, x_m=x, v_m_s=v, a_m_s2=a), NOTHING
+    return Motion(direction, t_ns, x, v, a, *motion[5:]), NOTHING
 
 
 def _first(motion: Motion, t_ns: int, x: float, v: float) -> Motion:

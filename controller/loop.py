@@ -6,7 +6,7 @@ Everything that touches the outside goes through a port; the layers are in contr
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from controller.commands import OperatorCommand, parse
 from controller.start_restart import Mode
@@ -23,16 +23,6 @@ _NO_PULSES: Final = (0, 0, 0, 0)
 _COMMAND_EVERY: Final = 10
 _TICK_MODULO: Final = 1 << 32
 _FAULT_MODES: Final = (Mode.SAFE,)
-
-
-class Sensed(NamedTuple):
-    """The last known sensor values in SI, slow signals included."""
-
-    x_m: float = 0.0
-    v_m_s: float = 0.0
-    p_left_pa: float = 0.0
-    p_right_pa: float = 0.0
-    electric_power_w: float = 0.0
 
 
 class ControllerLoop:
@@ -65,7 +55,8 @@ class ControllerLoop:
         self._status_every = status_every
         self._encoder = Encoder()
         self.decoder = Decoder("plant")
-        self._sensed = Sensed()
+        self._last_sample = PistonSample(0.0, 0.0)
+        self._slow = [0.0, 0.0, 0.0]  # electric power, pressure left and right, as last heard
         self._late = 0
 
     def turn(self, batch: bytes | None) -> None:
@@ -92,7 +83,7 @@ class ControllerLoop:
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
                 tick = self._whole_tick(message.tick)
-                self._note_slow(message)
+                self._slow[message.slow] = message[3 + message.slow]
             elif type(message) is PistonSample:
                 sample = message
         return tick, sample if tick >= 0 else None
@@ -102,16 +93,6 @@ class ControllerLoop:
         expected = max(self.tick, 0)
         half = _TICK_MODULO // 2
         return expected + (low - expected + half) % _TICK_MODULO - half if self.tick >= 0 else low
-
-    def _note_slow(self, head: PlantTick) -> None:
-        """Keep the slow signal that this tick carried."""
-        _, _, slow, power, left, right = head
-        if slow == 0:
-            self._sensed = self._sensed._replace(electric_power_w=power)
-        elif slow == 1:
-            self._sensed = self._sensed._replace(p_left_pa=left)
-        else:
-            self._sensed = self._sensed._replace(p_right_pa=right)
 
     def _advance(
         self, tick: int, sample: PistonSample | None, batch: bytes, woke_ns: int, *, answer: bool
@@ -162,11 +143,13 @@ class ControllerLoop:
         t_ns = tick * self.params.period_ns
         woke_ns, done_ns = times_ns
         if sample is not None:
-            self._sensed = self._sensed._replace(x_m=sample.x_m, v_m_s=sample.v_m_s)
+            self._last_sample = sample
+        x_m, v_m_s = self._last_sample
+        power, left, right = self._slow
         status = _status_of(sample, batch)
         used = tick if sample is not None else -1
         data = (
-            topics.SENSOR.pack(tick, t_ns, *self._sensed, status)
+            topics.SENSOR.pack(tick, t_ns, x_m, v_m_s, left, right, power, status)
             + _packed_output(tick, t_ns, output)
             + topics.TIMING.pack(tick, t_ns, t_ns, woke_ns, done_ns, used, missed)
         )
@@ -218,9 +201,14 @@ def _status_of(sample: PistonSample | None, batch: bytes) -> int:
 
 def _packed_output(tick: int, t_ns: int, output: Output) -> bytes:
     """What the controller commands in this tick, in SI."""
-    pulses = output.pulses[:4]
-    padding = _NO_PULSES[len(pulses) :]
     mode, force_n, load_n_s_m = output.machine
+    pulses = output.pulses[:4]
+    if not pulses:
+        return topics.ACTUATOR.pack(
+            tick, t_ns, tick, mode, force_n, load_n_s_m, output.throttle, 0,
+            _NO_PULSES, _NO_PULSES, _NO_PULSES,
+        )  # fmt: skip
+    padding = _NO_PULSES[len(pulses) :]
     return topics.ACTUATOR.pack(
         tick, t_ns, tick, mode, force_n, load_n_s_m, output.throttle, len(pulses),
         (*[p.channel for p in pulses], *padding),

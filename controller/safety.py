@@ -8,8 +8,8 @@ from controller.actuator import Machine
 from controller.laws.interface import Demand
 from hil.config.controller import LimitsConfig
 
-FORCE_STEP_N = 0.01
-"""Resolution of the force on the wire; a limit between two steps is met from below."""
+LOAD_MAX_N_S_M = 10_000.0
+"""What the wire carries at the most."""
 
 
 def limit_fuel(limits: LimitsConfig, throttle: float, demand: Demand) -> Demand:
@@ -22,8 +22,10 @@ def limit_fuel(limits: LimitsConfig, throttle: float, demand: Demand) -> Demand:
 def limit_machine(limits: LimitsConfig, machine: Machine) -> Machine:
     """Keep force and load within the machine's limits; a number that is none becomes zero."""
     most = limits.force_n
+    if -most <= machine.force_n <= most and 0.0 <= machine.load_n_s_m <= LOAD_MAX_N_S_M:
+        return machine
     force = machine.force_n if -most <= machine.force_n <= most else _clamped(machine.force_n, most)
-    load = machine.load_n_s_m if 0.0 <= machine.load_n_s_m <= 10_000.0 else 0.0
+    load = machine.load_n_s_m if 0.0 <= machine.load_n_s_m <= LOAD_MAX_N_S_M else 0.0
     return machine._replace(force_n=force, load_n_s_m=load)
 
 

@@ -62,12 +62,15 @@ RULES: tuple[Rule, ...] = (
 )  # fmt: skip
 
 
+_RULES_FROM = {mode: tuple(rule for rule in RULES if mode in rule.sources) for mode in Mode}
+
+
 def next_mode(mode: Mode, facts: Facts) -> tuple[Mode, str]:
     """Apply the first rule that matches.
 
     Returns: the mode and the name of the rule, "" when none matched
     """
-    for rule in RULES:
-        if mode in rule.sources and rule.when(facts):
+    for rule in _RULES_FROM[mode]:
+        if rule.when(facts):
             return rule.target, rule.name
     return mode, ""

@@ -45,6 +45,7 @@ class Params(NamedTuple):
     period_ns: int
     limit_m: float
     full_load_n_s_m: float
+    motoring_limit_ns: int
 
 
 class State(NamedTuple):
@@ -100,7 +101,8 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     engine = PROTOTYPES[prototype]
     limit = engine.position_limit_m if config.limits.tdc_m is None else config.limits.tdc_m
     full = supervisory.full_load(config, engine)
-    return Params(config, engine, LAWS[config.name], period_ns, limit, full)
+    motoring_limit_ns = round(config.start.timeout_s * 1e9)
+    return Params(config, engine, LAWS[config.name], period_ns, limit, full, motoring_limit_ns)
 
 
 def initial_state(params: Params) -> State:
@@ -180,16 +182,17 @@ def _decide_mode(
         misfired = _has_misfired(state, motion)
         misfires = state.misfires + 1 if misfired else 0
         state = state._replace(fired_t_ns=-1, misfires=misfires)
+    config = params.config
     facts = Facts(
-        start_requested=command is not None and command.kind == "start",
-        stop_requested=command is not None and command.kind == "stop",
-        sample_stale=stale >= params.config.limits.stale_ticks,
-        beyond_limit=abs(motion.x_m) > params.limit_m,
-        fired=fired,
-        misfired=misfired,
-        misfires_exhausted=state.misfires >= params.config.limits.misfires,
-        motoring_too_long=t_ns - state.since_t_ns > params.config.start.timeout_s * 1e9,
-        at_rest=abs(motion.v_m_s) < REST_SPEED_M_S and abs(motion.x_m) < REST_POSITION_M,
+        command is not None and command.kind == "start",
+        command is not None and command.kind == "stop",
+        stale >= config.limits.stale_ticks,
+        safety.is_beyond(params.limit_m, motion.x_m),
+        fired,
+        misfired,
+        state.misfires >= config.limits.misfires,
+        t_ns - state.since_t_ns > params.motoring_limit_ns,
+        abs(motion.v_m_s) < REST_SPEED_M_S and abs(motion.x_m) < REST_POSITION_M,
     )
     mode, rule = next_mode(state.mode, facts)
     if rule:

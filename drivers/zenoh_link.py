@@ -103,7 +103,7 @@ def _poll(
     handler: zenoh.Handler[zenoh.Sample], yield_until_ns: int, step_s: float, deadline_ns: int
 ) -> zenoh.Sample | None:
     """Poll, giving the core away between polls; later on sleep between them."""
-    # The sleep lets in threads of lower priority: Zenoh's, where only the loop has SCHED_FIFO.
+    # The sleep lets in threads of lower priority too, should only the loop have SCHED_FIFO.
     poll, now, give_way = handler.try_recv, time.monotonic_ns, os.sched_yield
     while True:
         sample = poll()

@@ -11,12 +11,15 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from hil import messages as _messages
-from hil.e2e import COUNTER_MODULO, MAX_DELTA, ReceptionCounts, crc_starts, is_intact, protect
+from hil.e2e import MAX_DELTA, ReceptionCounts, counter_marks, crc_of
 from hil.errors import CodecError
 from hil.signals import LAYOUTS, Layout, Placed
 
 FRAME: Final = struct.Struct("<HQ")
 """One frame of a batch: CAN identifier and data word."""
+
+pack_frame: Final = FRAME.pack
+iter_frames: Final = FRAME.iter_unpack
 
 _NAN: Final = float("nan")
 
@@ -105,90 +108,116 @@ def _compile(layout: Layout) -> tuple[Callable[[Any], int], Callable[[int], Any]
     return scope["pack"], scope["unpack"]
 
 
-class _Entry:
-    """What encoder and decoder look up per message."""
+class _Codec:
+    """What belongs to one message, shared by all encoders and decoders."""
 
-    __slots__ = ("can_id", "crc_starts", "layout", "pack", "unpack")
+    __slots__ = ("can_id", "layout", "marks", "pack", "unpack")
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.can_id = layout.can_id
-        self.crc_starts = crc_starts(layout.data_ids)
+        self.marks = counter_marks(layout.data_ids)
         self.pack, self.unpack = _compile(layout)
 
 
-_BY_ID: Final = {can_id: _Entry(layout) for can_id, layout in LAYOUTS.items()}
-_BY_CLASS: Final = {entry.layout.make: entry for entry in _BY_ID.values()}
+_CODECS: Final = {can_id: _Codec(layout) for can_id, layout in LAYOUTS.items()}
+
+
+class _Stream:
+    """One message on its way in one direction: its codec, counter, and last value.
+
+    `bare` is the word without counter, CRC of the payload included; while a payload repeats,
+    as commands and pulses do, neither packing nor CRC is worked out again.
+    """
+
+    __slots__ = ("bare", "can_id", "counter", "marks", "message", "name", "pack", "unpack")
+
+    def __init__(self, codec: _Codec) -> None:
+        self.can_id, self.marks = codec.can_id, codec.marks
+        self.pack, self.unpack = codec.pack, codec.unpack
+        self.name = codec.layout.name
+        self.counter = -1
+        self.bare = -1
+        self.message: Any = None
 
 
 class Encoder:
     """Messages to batches; keeps the E2E counter of each message."""
 
-    __slots__ = ("counters",)
+    __slots__ = ("_streams",)
 
     def __init__(self) -> None:
-        self.counters: dict[int, int] = dict.fromkeys(_BY_ID, COUNTER_MODULO - 1)
+        self._streams = {codec.layout.make: _Stream(codec) for codec in _CODECS.values()}
 
     def encode(self, messages: Iterable[_messages.Message]) -> bytes:
         """Encode the messages of one tick, in order.
 
         Raises: CodecError when a value does not fit its signal, is nan or infinite
         """
-        counters = self.counters
         frames = []
-        for msg in messages:
-            entry = _BY_CLASS[type(msg)]
-            can_id = entry.can_id
-            counter = counters[can_id] = (counters[can_id] + 1) & 0xF
-            try:
-                word = entry.pack(msg) | counter << 8
-            except (ValueError, OverflowError):
-                raise CodecError(
-                    f"{entry.layout.name} holds a value that is no number: {msg}"
-                ) from None
-            frames.append(FRAME.pack(can_id, protect(word, entry.crc_starts)))
+        for message in messages:
+            stream = self._streams[type(message)]
+            counter = stream.counter = (stream.counter + 1) & 0xF
+            if message != stream.message:
+                try:
+                    payload = stream.pack(message)
+                except (ValueError, OverflowError):
+                    raise CodecError(f"{stream.name} holds what is no number: {message}") from None
+                stream.bare = payload | crc_of(payload)
+                stream.message = message
+            frames.append(pack_frame(stream.can_id, stream.bare ^ stream.marks[counter]))
         return b"".join(frames)
+
+    @property
+    def counters(self) -> dict[int, int]:
+        """Last counter by CAN identifier, -1 before the first frame."""
+        return {stream.can_id: stream.counter for stream in self._streams.values()}
 
 
 class Decoder:
     """Batches to messages of one sender; nothing that fails protection or range comes through."""
 
-    __slots__ = ("_entries", "_last", "corrupted", "lost", "ok", "out_of_range",
-                 "reordered", "repeated", "unknown")  # fmt: skip
+    __slots__ = ("_streams", "corrupted", "lost", "ok", "out_of_range", "reordered", "repeated",
+                 "unknown")  # fmt: skip
 
     def __init__(self, sender: str) -> None:
-        self._entries = {i: e for i, e in _BY_ID.items() if e.layout.sender == sender}
-        self._last: dict[int, int] = {}
+        self._streams = {
+            can_id: _Stream(codec)
+            for can_id, codec in _CODECS.items()
+            if codec.layout.sender == sender
+        }
         self.ok = self.corrupted = self.repeated = self.reordered = 0
         self.lost = self.out_of_range = self.unknown = 0
 
     def decode(self, batch: bytes) -> list[Any]:
         """Decode a batch into the messages that may be acted on, in the order of arrival."""
         decoded = []
-        last = self._last
-        for can_id, word in FRAME.iter_unpack(batch):
-            entry = self._entries.get(can_id)
-            if entry is None:
+        for can_id, word in iter_frames(batch):
+            stream = self._streams.get(can_id)
+            if stream is None:
                 self.unknown += 1
-            elif not is_intact(word, entry.crc_starts):
+                continue
+            counter = word >> 8 & 0xF
+            bare = word ^ stream.marks[counter]
+            if bare != stream.bare and crc_of(bare) != bare & 0xFF:
                 self.corrupted += 1
-            else:
-                counter = word >> 8 & 0xF
-                if counter == (last.get(can_id, counter - 1) + 1) & 0xF or self._is_newer(
-                    can_id, counter
-                ):
-                    last[can_id] = counter
-                    message = entry.unpack(word)
-                    if message is None:
-                        self.out_of_range += 1
-                    else:
-                        self.ok += 1
-                        decoded.append(message)
+            elif counter == (stream.counter + 1) & 0xF or self._may_follow(stream, counter):
+                stream.counter = counter
+                if bare != stream.bare:
+                    stream.bare = bare
+                    stream.message = stream.unpack(bare)
+                if stream.message is None:
+                    self.out_of_range += 1
+                else:
+                    self.ok += 1
+                    decoded.append(stream.message)
         return decoded
 
-    def _is_newer(self, can_id: int, counter: int) -> bool:
+    def _may_follow(self, stream: _Stream, counter: int) -> bool:
         """Judge a counter that is not the next one: accept after a loss, refuse what is old."""
-        delta = (counter - self._last[can_id]) & 0xF
+        if stream.counter < 0:
+            return True
+        delta = (counter - stream.counter) & 0xF
         if delta == 0:
             self.repeated += 1
             return False
@@ -200,7 +229,8 @@ class Decoder:
 
     def forget_counters(self) -> None:
         """Accept any counter next: after a silence the sender may have been restarted."""
-        self._last.clear()
+        for stream in self._streams.values():
+            stream.counter = -1
 
     def counts(self) -> ReceptionCounts:
         """Return what was received so far, by verdict."""

@@ -61,37 +61,41 @@ _BYTE_7: Final = _BYTES[6]
 _START: Final = _constant()
 
 
-def crc_starts(data_ids: bytes) -> bytes:
-    """Start value of the CRC by counter: the data identifier is the last covered byte.
-
-    Parameters: data_ids : the 16 data identifiers of a message
-    Returns: bytes, shape (16,)
-    """
-    return bytes(_START ^ _BYTES[7][data_id] for data_id in data_ids)
-
-
-def protect(word: int, starts: bytes) -> int:
-    """Put the CRC into bits 0 to 7 of a word whose other bits are complete."""
+def crc_of(word: int) -> int:
+    """What bits 8 to 63 of a word contribute to its CRC."""
     return (
-        word
-        | starts[(word >> 8) & 0xF]
-        ^ _PAIR_1_2[(word >> 8) & 0xFFFF]
-        ^ _PAIR_3_4[(word >> 24) & 0xFFFF]
-        ^ _PAIR_5_6[(word >> 40) & 0xFFFF]
+        _PAIR_1_2[word >> 8 & 0xFFFF]
+        ^ _PAIR_3_4[word >> 24 & 0xFFFF]
+        ^ _PAIR_5_6[word >> 40 & 0xFFFF]
         ^ _BYTE_7[word >> 56]
     )
 
 
-def is_intact(word: int, starts: bytes) -> bool:
+def counter_marks(data_ids: bytes) -> tuple[int, ...]:
+    """What each counter value adds to a word, by exclusive or: its four bits and its share of CRC.
+
+    The share holds the start value and the data identifier, the last covered byte. A word of
+    payload and `crc_of(payload)` becomes a frame by one mark; the same mark takes it off again,
+    so that a frame that repeats a payload costs neither a CRC nor a decoding.
+
+    Parameters: data_ids : the 16 data identifiers of a message
+    Returns: tuple, shape (16,)
+    """
+    return tuple(
+        counter << 8 | (_START ^ _BYTES[7][data_id] ^ crc_of(counter << 8))
+        for counter, data_id in enumerate(data_ids)
+    )
+
+
+def protect(payload: int, counter: int, marks: tuple[int, ...]) -> int:
+    """Complete a frame's word from its payload (bits 12 to 63) and counter."""
+    return (payload | crc_of(payload)) ^ marks[counter]
+
+
+def is_intact(word: int, marks: tuple[int, ...]) -> bool:
     """Whether the CRC of a received word is right."""
-    return (
-        word & 0xFF
-        ^ starts[(word >> 8) & 0xF]
-        ^ _PAIR_1_2[(word >> 8) & 0xFFFF]
-        ^ _PAIR_3_4[(word >> 24) & 0xFFFF]
-        ^ _PAIR_5_6[(word >> 40) & 0xFFFF]
-        ^ _BYTE_7[word >> 56]
-    ) == 0
+    bare = word ^ marks[word >> 8 & 0xF]
+    return crc_of(bare) == bare & 0xFF
 
 
 class ReceptionCounts(NamedTuple):

@@ -22,20 +22,27 @@ NOT_ASKED: Final = "not asked for"
 
 
 def prepare(config: RealtimeConfig) -> dict[str, str]:
-    """Ask for everything that the configuration names; return what was granted or refused.
+    """Ask for memory, scheduling and timers; return what was granted or refused.
 
-    Call it in the loop's thread after everything is allocated and opened: scheduling and affinity
-    hold for the calling thread, so the libraries' own threads stay outside, where they do not
-    compete with the loop.
+    Call it after the recorder's process is started, which must not inherit the priority, and
+    before the link is opened: the link's own threads then do inherit it. Left at normal priority
+    they starve beside a loop that spins under SCHED_FIFO, and with them the frames.
     """
-    told = {
+    return {
         "garbage_collection": _told(_stop_collecting),
         "timer_slack": _told(_cut_timer_slack),
         "locked_memory": _told(_lock_memory) if config.lock_memory else NOT_ASKED,
-        "cpu": NOT_ASKED if config.cpu is None else _told(partial(_pin, config.cpu)),
         "scheduling": _told(partial(_schedule, config.priority)) if config.priority else NOT_ASKED,
     }
-    return told | {"in_force": in_force()}
+
+
+def pin(config: RealtimeConfig) -> dict[str, str]:
+    """Ask for the loop's CPU; return what was granted or refused and what is in force by now.
+
+    Call it after the link is opened: its threads are better left to run on the other CPUs.
+    """
+    cpu = NOT_ASKED if config.cpu is None else _told(partial(_pin, config.cpu))
+    return {"cpu": cpu, "in_force": in_force()}
 
 
 def _told(ask: Callable[[], str]) -> str:
@@ -69,7 +76,7 @@ def _check(returned: int, call: str) -> None:
 
 
 def _cut_timer_slack() -> str:
-    """Let sleeps of this thread end without the 50 us by which the kernel may batch them."""
+    """Let this thread's sleeps end without the 50 us by which the kernel may batch them."""
     _check(_libc().prctl(_PR_SET_TIMERSLACK, *map(ctypes.c_ulong, (1, 0, 0, 0))), "prctl")
     return "1 ns"
 
@@ -87,17 +94,15 @@ def _pin(cpu: int) -> str:
 
 
 def _schedule(priority: int) -> str:
-    """Put this thread into the first-in-first-out real-time class."""
-    # Reset on fork: a child (the recorder) must not inherit the loop's priority.
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    """Put this thread, and those it starts, into the first-in-first-out real-time class."""
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     return f"SCHED_FIFO priority {priority}"
 
 
 def in_force() -> str:
     """Say how this thread runs by now, whoever arranged it (a service manager may have)."""
     names = {os.SCHED_OTHER: "SCHED_OTHER", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
-    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    policy = os.sched_getscheduler(0)
     name = names.get(policy, f"policy {policy}")
     priority = os.sched_getparam(0).sched_priority
     cpus = ",".join(map(str, sorted(os.sched_getaffinity(0))))

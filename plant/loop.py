@@ -34,6 +34,7 @@ _NAN: Final = float("nan")
 _POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
 _SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
 _NO_PULSES: Final = (0, 0, 0, 0)
+_NO_COLUMNS: Final[tuple[tuple[int, ...], ...]] = ((), (), ())
 _FIRING_MODES: Final = (1, 2)
 _SEVERITY: Final = {
     codes.CONTACT: topics.FAULT,
@@ -270,7 +271,7 @@ def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
 
 def _columns(rows: list[tuple[int, int, int]]) -> tuple[tuple[int, ...], ...]:
     """Transpose, also when there is nothing."""
-    return tuple(zip(*rows, strict=True)) if rows else ((), (), ())
+    return tuple(zip(*rows, strict=True)) if rows else _NO_COLUMNS
 
 
 def _packed_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:

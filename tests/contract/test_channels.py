@@ -155,9 +155,12 @@ def test_a_session_that_never_said_its_name_is_logged_as_such(bench):
     tree = session_config("bench", operator._node.config, lockstep=True)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
         publisher = session.declare_publisher("hil/contract/command")
-        eventually(lambda: publisher.matching_status.matching or None)
-        publisher.put(b"\xff{")
-        assert eventually(controller.commands.poll) == ("unnamed (unknown session)", b"\xff{")
+
+        def taken():
+            publisher.put(b"\xff{")
+            return controller.commands.poll()
+
+        assert eventually(taken) == ("unnamed (unknown session)", b"\xff{")
 
 
 def test_an_origin_is_fit_for_a_log_line():

@@ -20,7 +20,9 @@ def _collector_left_as_found():
 def in_a_thread(config):
     """Scheduling and affinity belong to a thread, so the test's own stays as it is."""
     told = {}
-    thread = threading.Thread(target=lambda: told.update(realtime.prepare(config)))
+    thread = threading.Thread(
+        target=lambda: told.update(realtime.prepare(config) | realtime.pin(config))
+    )
     thread.start()
     thread.join()
     return told
