@@ -99,7 +99,7 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     simulated_s = data.truth.ticks / data.scenario.loop.rate_hz
     return {
         **_motion(data),
-        **_after_first_event(data),
+        **_after_main_event(data),
         "electric_energy_j": data.electric_energy_j,
         "electric_power_mean_w": _ratio(data.electric_energy_j, simulated_s),
         "misfires": data.happenings.counts.get("misfire", 0),
@@ -140,10 +140,23 @@ def _motion(data: RunData) -> Figures:
     }
 
 
-def _after_first_event(data: RunData) -> Figures:
-    """Peak and settling after the first disturbance, or of the whole run without one."""
-    event_ns = next((i.t_ns for i in disturbances(data) if i.t_ns is not None), 0)
-    return after(data.strokes, event_ns)
+def _after_main_event(data: RunData) -> Figures:
+    """Peak and settling after the event that matters, or of the whole run without one."""
+    instant = main_instant(data)
+    return after(data.strokes, 0 if instant is None else instant.t_ns or 0)
+
+
+def main_instant(data: RunData) -> Instant | None:
+    """Return the event that the run is about: the first that an expectation names, or the first."""
+    named = [e.event for e in data.scenario.expect.values() if e.event is not None]
+    acted = [i for i in data.instants if i.t_ns is not None]
+    chosen = [i for i in acted if i.name in named]
+    disturbing = [i for i in acted if not _is_operators(data.scenario, i.name)]
+    return next(iter(chosen or disturbing or acted), None)
+
+
+def _is_operators(scenario: Scenario, name: str) -> bool:
+    return isinstance(scenario.events[name], OperatorEvent)
 
 
 def after(strokes: Strokes, event_ns: int) -> Figures:
@@ -155,13 +168,6 @@ def after(strokes: Strokes, event_ns: int) -> Figures:
         "settling_s": None if settling is None else settling * 1e-9,
         "settling_band_mm": BAND_M * 1e3,
     }
-
-
-def disturbances(data: RunData) -> list[Instant]:
-    """Return the scenario's events that disturb the engine, in order of time."""
-    events = data.scenario.events
-    found = [i for i in data.instants if not isinstance(events[i.name], OperatorEvent)]
-    return sorted(found, key=lambda i: (i.t_ns is None, i.t_ns or 0))
 
 
 def event_figures(data: RunData) -> list[Figures]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.figures import BAND_M, RunData, after, disturbances
+from bench.figures import BAND_M, RunData, after, main_instant
 from bench.plot_style import (
     AFTER,
     BAND,
@@ -23,6 +23,7 @@ from bench.plot_style import (
     event_marks,
     mark_events,
 )
+from bench.strokes import Floats
 from bench.traces import Traces
 
 if TYPE_CHECKING:
@@ -84,8 +85,8 @@ def _draw_tdc(axes: Axes, data: RunData) -> None:
 
 
 def tdc_error(data: RunData) -> Figure | None:
-    """TDC error about the first disturbance, with its peak and its settling."""
-    instant = next((i for i in disturbances(data) if i.t_ns is not None), None)
+    """TDC error about the event of the run, with its peak and its settling."""
+    instant = main_instant(data)
     strokes = data.strokes
     if instant is None or instant.t_ns is None or not len(strokes.t_ns):
         return None
@@ -102,7 +103,7 @@ def tdc_error(data: RunData) -> Figure | None:
     band(axes, 0.0, _BAND_MM)
     axes.set_xlim(-150.0, high)
     axes.margins(y=0.18)
-    _annotate_response(axes, t_ms, error_mm, settling_ms)
+    _annotate_response(axes, t_ms, error_mm, found["tdc_error_peak_mm"], settling_ms)
     axes.set_title(f"TDC error after {instant.name}")
     axes.set_ylabel("TDC − set point  [mm]")
     axes.set_xlabel(f"time since {instant.name}  [ms]")
@@ -111,20 +112,20 @@ def tdc_error(data: RunData) -> Figure | None:
 
 
 def _annotate_response(
-    axes: Axes, t_ms: np.ndarray, error_mm: np.ndarray, settling_ms: float | None
+    axes: Axes, t_ms: Floats, error_mm: Floats, peak_mm: float | None, settling_ms: float | None
 ) -> None:
-    """Write peak and settling time next to where they are."""
-    since = np.flatnonzero(t_ms >= 0.0)
-    if not len(since):
-        return
-    peak = since[np.argmax(np.abs(error_mm[since]))]
-    axes.annotate(f"peak {error_mm[peak]:+.3f} mm", (t_ms[peak], error_mm[peak]), xytext=(8, 0),
-                  textcoords="offset points", va="center", color=WANTED)  # fmt: skip
+    """Write peak and settling time next to where they are, if that is shown."""
+    plain = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     if settling_ms:
         axes.axvline(settling_ms, color=BAND, linewidth=1.0)
-        axes.annotate(f"settled {settling_ms:.1f} ms", (settling_ms, 0.93), xytext=(5, 0),
+        axes.annotate(f"settled {settling_ms:.1f} ms", (settling_ms, 0.95), xytext=(5, 0),
                       xycoords=("data", "axes fraction"), textcoords="offset points",
-                      va="top", color=BAND)  # fmt: skip
+                      va="top", color=BAND, bbox=plain)  # fmt: skip
+    found = np.flatnonzero((t_ms >= 0.0) & (np.abs(error_mm) == (peak_mm or np.inf)))
+    for peak in found[:1]:
+        axes.annotate(f"peak {error_mm[peak]:+.3f} mm", (t_ms[peak], error_mm[peak]),
+                      xytext=(8, 0), textcoords="offset points", va="center", color=WANTED,
+                      bbox=plain)  # fmt: skip
 
 
 def phase(data: RunData, traces: Traces) -> Figure:

@@ -27,7 +27,7 @@ TILES = (
          "electric_energy_j", "{:.0f} J in all"),
     Tile("Plant late p99", "plant_late_p99_us", "µs", "{:.0f}", 1.0,
          "plant_late_max_us", "max {:.0f} µs"),
-    Tile("Answered next tick", "answered_next_tick_share", "%", "{:.2f}", 100.0,
+    Tile("Answered in time", "answered_next_tick_share", "%", "{:.2f}", 100.0,
          "plant_missed_ticks", "{} ticks missed"),
     Tile("Speed", "speed_sim_s_per_wall_s", "×", "{:.1f}", 1.0,
          "simulated_s", "{:g} s simulated"),
@@ -49,11 +49,11 @@ header .facts { font-size: 13px; margin-top: 6px; }
   font-size: 14px; margin-top: 4px; background: var(--bad); }
 .badge.met { background: var(--good); }
 .fault { border-left: 4px solid var(--bad); background: #fdf0ee; padding: 10px 14px; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(118px, 1fr)); gap: 10px;
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(114px, 1fr)); gap: 10px;
   margin: 22px 0 14px; }
 .tile { background: var(--paper); border: 1px solid var(--line); border-radius: 8px;
-  padding: 10px 12px; }
-.tile span { display: block; font-size: 12px; color: var(--soft); white-space: nowrap; }
+  padding: 10px 11px; }
+.tile span { display: block; font-size: 11.5px; color: var(--soft); white-space: nowrap; }
 .tile b { font-size: 21px; font-weight: 600; font-variant-numeric: tabular-nums; }
 .tile em { font-style: normal; font-size: 13px; color: var(--soft); margin-left: 3px;
   font-weight: 400; }

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.figures import RunData, disturbances
+from bench.figures import RunData, main_instant
 from bench.outdir import RunFiles
 from bench.strokes import Floats
 from bench.ticks import earliest_ns
@@ -48,13 +48,13 @@ class Traces(NamedTuple):
 
 
 def window_of(data: RunData) -> tuple[float, float]:
-    """Choose the part of the run that is shown at full rate: about the first disturbance."""
+    """Choose the part of the run that is shown at full rate: about its event."""
     end_s = data.truth.end_ns * 1e-9
+    instant = main_instant(data)
     if data.scenario.begins == "at-rest":
         begin = next((i.t_ns for i in data.instants if i.t_ns is not None), 0) * 1e-9
         return max(begin - _BEFORE_S, 0.0), min(begin + _START_S, end_s)
-    first = next((i.t_ns for i in disturbances(data) if i.t_ns), None)
-    middle = _BEFORE_S if first is None else first * 1e-9
+    middle = _BEFORE_S if instant is None else (instant.t_ns or 0) * 1e-9
     return max(middle - _BEFORE_S, 0.0), min(middle + _AFTER_S, end_s)
 
 

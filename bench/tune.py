@@ -110,6 +110,8 @@ KEYS = {
     "cascade": ("outer.kp", "outer.ki", "inner.kp", "inner.ki"),
     "single-loop": ("tdc.kp", "tdc.ki"),
 }
+
+
 def cost(law: str, vector: Sequence[float]) -> float:
     """Worst cell's largest error late after the step, and a little of all squared errors.
 

@@ -11,13 +11,20 @@ from controller.loop import ControllerLoop
 from controller.step import initial_state, make_params
 from drivers.clock import SystemClock
 from drivers.links import Connection, open_link
-from drivers.process import Stop, guarded, last_words, open_recorder, read_arguments
+from drivers.process import (
+    Stop,
+    guarded,
+    last_words,
+    note_granted,
+    open_recorder,
+    read_arguments,
+)
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
-from hil.realtime import prepare
+from hil.realtime import pin, prepare
 
 STATUS_HZ = 10
 SAMPLE_PATIENCE_PERIODS = 1.5
@@ -68,13 +75,16 @@ def run(scenario: Scenario, log: Path | None) -> int:
     """
     stop = Stop()
     stop.listen()
-    connection = open_link("controller", scenario.link, scenario.loop)
     recorder = open_recorder(log, scenario, "controller")
+    # Before the link opens: its threads inherit the priority; the recorder must not.
+    granted = prepare(scenario.realtime)
+    connection = open_link("controller", scenario.link, scenario.loop)
     try:
         pacer = make_pacer(scenario)
         loop = make_loop(scenario, connection, pacer, recorder)
+        granted |= pin(scenario.realtime)
+        note_granted(recorder, scenario, granted)
         connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
-        granted = prepare(scenario.realtime)
         last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
         drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
         drive(loop, connection, pacer.patience_ns, last_tick, stop)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from drivers.recorder import NullRecorder, Recorder
+from hil import topics
 from hil.config.load import describe, load
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, HilError
@@ -79,6 +80,15 @@ def open_recorder(path: Path | None, scenario: Scenario, process: str) -> Record
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
     blocking = scenario.loop.clock == "lockstep"
     return Recorder.open(path, metadata, attachments, blocking=blocking)
+
+
+def note_granted(
+    recorder: Recorder | NullRecorder, scenario: Scenario, granted: Mapping[str, str]
+) -> None:
+    """Log what the operating system granted; in lockstep it bears on nothing."""
+    if scenario.loop.clock == "realtime":
+        for name, text in granted.items():
+            recorder.put(topics.EVENT.pack(0, 0, topics.INFO, "real-time", f"{name}: {text}"))
 
 
 def versions() -> dict[str, str]:

@@ -8,12 +8,19 @@ from typing import Any
 
 from drivers.clock import SystemClock
 from drivers.links import Connection, open_link
-from drivers.process import Stop, guarded, last_words, open_recorder, read_arguments
+from drivers.process import (
+    Stop,
+    guarded,
+    last_words,
+    note_granted,
+    open_recorder,
+    read_arguments,
+)
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
-from hil.realtime import prepare
+from hil.realtime import pin, prepare
 from plant.initial import initial_state
 from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params
@@ -69,12 +76,15 @@ def run(scenario: Scenario, log: Path | None) -> int:
     """
     stop = Stop()
     stop.listen()
-    connection = open_link("plant", scenario.link, scenario.loop)
     recorder = open_recorder(log, scenario, "plant")
+    # Before the link opens: its threads inherit the priority; the recorder must not.
+    granted = prepare(scenario.realtime)
+    connection = open_link("plant", scenario.link, scenario.loop)
     try:
         loop = make_loop(scenario, connection, recorder)
+        granted |= pin(scenario.realtime)
+        note_granted(recorder, scenario, granted)
         connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
-        granted = prepare(scenario.realtime)
         tick, ticks = 0, ticks_of(scenario)
         while tick < ticks and not stop.requested:
             tick = loop.turn(tick)
