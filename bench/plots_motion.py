@@ -93,7 +93,7 @@ def tdc_error(data: RunData) -> Figure | None:
     figure, (axes,) = canvas(WIDE, 3.4)
     found = after(strokes, instant.t_ns)
     settling_ms = None if found["settling_s"] is None else found["settling_s"] * 1e3
-    t_ms = (strokes.t_ns - instant.t_ns) * 1e-6
+    t_ms = np.multiply(strokes.t_ns - instant.t_ns, 1e-6, dtype=np.float64)
     high = max(400.0, 1.6 * (settling_ms or 0.0))
     shown = (t_ms >= -150.0) & (t_ms <= high)
     t_ms, error_mm = t_ms[shown], strokes.error_m[shown] * 1e3

@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import controller.main
 import plant.main
 from controller.loop import ControllerLoop
+from drivers.channels import MemoryStatus
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.process import Stop, guarded, last_words, open_recorder, read_scenario
 from hil.config.scenario import Scenario
 from hil.ports import Link
 from hil.realtime import prepare
+
+_TELL_EVERY_S = 0.1
 
 
 def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None) -> int:
@@ -38,6 +41,9 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
         )
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = _turn_of(controller_loop, controller_end.link)
+        for name, end in (("plant", plant_end), ("controller", controller_end)):
+            assert isinstance(end.status, MemoryStatus)
+            end.status.on_publish = _tell_of(name)
         granted = prepare(scenario.realtime)
         start_s = time.perf_counter()
         tick, ticks = 0, plant.main.ticks_of(scenario)
@@ -58,6 +64,20 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
     )
     plant.main.raise_if_lost(plant_loop)
     return 0
+
+
+def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:
+    """A status sink that prints, but no oftener than anybody looks."""
+    next_s = time.monotonic() + _TELL_EVERY_S
+
+    def tell(status: Mapping[str, object]) -> None:
+        nonlocal next_s
+        now_s = time.monotonic()
+        if now_s >= next_s:
+            next_s = now_s + _TELL_EVERY_S
+            last_words({"process": name, **status})
+
+    return tell
 
 
 def _turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:

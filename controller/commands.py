@@ -27,7 +27,7 @@ def parse(raw: bytes, origin: str) -> OperatorCommand:
     """
     try:
         fields = json.loads(raw)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ConfigError(f"command from {origin}: not JSON") from None
     if not isinstance(fields, dict) or fields.get("kind") not in KINDS:
         raise ConfigError(f"command from {origin}: kind must be one of {', '.join(KINDS)}")

@@ -13,6 +13,7 @@ from controller.start_restart import Mode
 from controller.step import Inputs, Output, Params, State, StrokeReport, step
 from hil import topics
 from hil.codec import Decoder, Encoder
+from hil.e2e import MAX_DELTA
 from hil.errors import ConfigError
 from hil.messages import PistonSample, PlantTick
 from hil.pacing import Pacer
@@ -23,6 +24,8 @@ _NO_PULSES: Final = (0, 0, 0, 0)
 _COMMAND_EVERY: Final = 10
 _TICK_MODULO: Final = 1 << 32
 _FAULT_MODES: Final = (Mode.SAFE,)
+_LARGEST_GAP_NS: Final = 60_000_000_000
+"""A tick further ahead than this is no plant's that was only away for a while."""
 
 
 class ControllerLoop:
@@ -58,18 +61,24 @@ class ControllerLoop:
         self._last_sample = PistonSample(0.0, 0.0)
         self._slow = [0.0, 0.0, 0.0]  # electric power, pressure left and right, as last heard
         self._late = 0
+        self._silent_turns = 0
+        self._largest_gap = _LARGEST_GAP_NS // params.period_ns
 
     def turn(self, batch: bytes | None) -> None:
         """Answer a batch, or the tick that is due when none came in time."""
         woke_ns = self._pacer.now_ns()
         tick, sample = self._understand(batch)
         expected = self.tick + 1
-        if self.tick < 0 and tick >= 0:
+        if self.tick < 0 and batch is not None:
+            if tick < 0:
+                self._note("sample-refused", "first frames without a valid head", batch)
+                return
             self._pacer.start(tick)
             expected = tick
         if 0 <= tick < expected:
             self._late += 1
-            self._note_late(tick, batch or b"")
+            text = f"sample of tick {tick} came after tick {self.tick} was answered without it"
+            self._note("sample-late", text, batch or b"")
             return
         for missed in range(expected, tick):
             self._advance(missed, None, b"", woke_ns, answer=False)
@@ -78,7 +87,11 @@ class ControllerLoop:
     def _understand(self, batch: bytes | None) -> tuple[int, PistonSample | None]:
         """Decode a batch: (tick, sample); tick -1 when its head did not come through."""
         if batch is None:
+            self._silent_turns += 1
+            if self._silent_turns == MAX_DELTA:
+                self.decoder.forget_counters()
             return -1, None
+        self._silent_turns = 0
         tick, sample = -1, None
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
@@ -89,10 +102,12 @@ class ControllerLoop:
         return tick, sample if tick >= 0 else None
 
     def _whole_tick(self, low: int) -> int:
-        """The tick of which the wire carries 32 bits, nearest to the one expected."""
-        expected = max(self.tick, 0)
+        """The tick of which the wire carries 32 bits, nearest to the last; -1 if far ahead."""
+        if self.tick < 0:
+            return low
         half = _TICK_MODULO // 2
-        return expected + (low - expected + half) % _TICK_MODULO - half if self.tick >= 0 else low
+        ahead = (low - self.tick + half) % _TICK_MODULO - half
+        return max(self.tick + ahead, 0) if ahead <= self._largest_gap else -1
 
     def _advance(
         self, tick: int, sample: PistonSample | None, batch: bytes, woke_ns: int, *, answer: bool
@@ -164,13 +179,13 @@ class ControllerLoop:
             data += topics.EVENT.pack(tick, t_ns, severity, code, text)
         self._put(data)
 
-    def _note_late(self, tick: int, batch: bytes) -> None:
-        """A batch whose tick has already been stepped: logged, never acted on."""
-        t_ns = self.tick * self.params.period_ns
-        text = f"sample of tick {tick} came after tick {self.tick} was answered without it"
+    def _note(self, code: str, text: str, batch: bytes) -> None:
+        """Frames that are logged and never acted on, such as those of a tick already stepped."""
+        tick = max(self.tick, 0)
+        t_ns = tick * self.params.period_ns
         self._put(
-            topics.FRAMES_RECEIVED.pack(self.tick, t_ns, batch)
-            + topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-late", text)
+            topics.FRAMES_RECEIVED.pack(tick, t_ns, batch)
+            + topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
         )
 
     def _tell(self, tick: int, stroke: StrokeReport | None) -> None:

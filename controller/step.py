@@ -178,7 +178,7 @@ def _decide_mode(
     misfired = False
     if fired:
         state = state._replace(fired_t_ns=motion.dc_t_ns, fired_strokes=state.fired_strokes + 1)
-    elif state.fired_t_ns >= 0 and _check_is_due(state, t_ns):
+    elif state.fired_t_ns >= 0 and stale == 0 and _check_is_due(state, t_ns):
         misfired = _has_misfired(state, motion)
         misfires = state.misfires + 1 if misfired else 0
         state = state._replace(fired_t_ns=-1, misfires=misfires)
@@ -187,7 +187,7 @@ def _decide_mode(
         command is not None and command.kind == "start",
         command is not None and command.kind == "stop",
         stale >= config.limits.stale_ticks,
-        safety.is_beyond(params.limit_m, motion.x_m),
+        safety.is_beyond(params.limit_m, motion.tdc_m if passed.dead_centre else motion.x_m),
         fired,
         misfired,
         state.misfires >= config.limits.misfires,
@@ -208,6 +208,10 @@ def _obey(
     params: Params, state: State, command: OperatorCommand
 ) -> tuple[State, tuple[tuple[str, str], ...]]:
     """Take an operator's command; start and stop are facts for the mode table."""
+    tdc_m = command.tdc_ref_m
+    if tdc_m is not None and safety.is_beyond(params.limit_m, tdc_m):
+        text = f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {params.limit_m:g}"
+        return state, (("command-refused", text),)
     if command.kind == "set-point":
         set_points = supervisory.change(
             params.config,

@@ -48,7 +48,7 @@ def plan_injection(
     )
     open_ns = _whole_us(t_ns + config.timing.injection_lead_ticks * period_ns)
     channel = INJECTOR_LEFT + _side_ahead(motion)
-    return Plan(PlannedPulse(channel, open_ns, round(duration_us) * _US), None, fuel_kg)
+    return Plan(PlannedPulse(channel, open_ns, max(round(duration_us), 1) * _US), None, fuel_kg)
 
 
 def plan_spark(

@@ -6,6 +6,7 @@ The frames of one tick are one `bytes` object, a batch: ten bytes a frame, the C
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
@@ -13,7 +14,7 @@ from typing import Any, Final
 from hil import messages as _messages
 from hil.e2e import MAX_DELTA, ReceptionCounts, counter_marks, crc_of
 from hil.errors import CodecError
-from hil.signals import LAYOUTS, Layout, Placed
+from hil.signals import LAYOUTS, Layout, Placed, layout_of
 
 FRAME: Final = struct.Struct("<HQ")
 """One frame of a batch: CAN identifier and data word."""
@@ -90,17 +91,34 @@ def _unpack_field(placed: Placed) -> list[str]:
     return [*lines, f"{placed.name} = {value}"]
 
 
+def _refusal(layout: Layout, placed: Placed, value: float) -> str:
+    """What is wrong with a value: message, signal, value and range."""
+    low, high = placed.signal.raw_range
+    scale = placed.signal.scale
+    return (
+        f"{layout.name}.{placed.name} = {value!r}: accepted {low * scale:g} to {high * scale:g}"
+        f" {placed.signal.unit}".rstrip()
+    )
+
+
+def _no_number(message: _messages.Message) -> str:
+    """Name the signal that would be on the wire and is nan or infinite."""
+    layout = layout_of(type(message))
+    pairs = [(placed, float(v)) for placed, v in zip(layout.fields, message, strict=True)]
+    selected = next((value for placed, value in pairs if placed.signal.selects), None)
+    return next(
+        _refusal(layout, placed, value)
+        for placed, value in pairs
+        if not math.isfinite(value) and placed.signal.only_when in {None, selected}
+    )
+
+
 def _compile(layout: Layout) -> tuple[Callable[[Any], int], Callable[[int], Any]]:
     """Turn a layout into two functions; a loop over signals would cost three times as much."""
 
     def fail(name: str, value: float) -> None:
         placed = next(p for p in layout.fields if p.name == name)
-        low, high = placed.signal.raw_range
-        scale = placed.signal.scale
-        raise CodecError(
-            f"{layout.name}.{name} = {value!r}: accepted {low * scale:g} to {high * scale:g}"
-            f" {placed.signal.unit}".rstrip()
-        )
+        raise CodecError(_refusal(layout, placed, value))
 
     scope: dict[str, Any] = {"fail": fail, "new": tuple.__new__, "cls": layout.make, "NAN": _NAN}
     source = "\n".join(_pack_source(layout) + _unpack_source(layout))
@@ -130,12 +148,11 @@ class _Stream:
     as commands and pulses do, neither packing nor CRC is worked out again.
     """
 
-    __slots__ = ("bare", "can_id", "counter", "marks", "message", "name", "pack", "unpack")
+    __slots__ = ("bare", "can_id", "counter", "marks", "message", "pack", "unpack")
 
     def __init__(self, codec: _Codec) -> None:
         self.can_id, self.marks = codec.can_id, codec.marks
         self.pack, self.unpack = codec.pack, codec.unpack
-        self.name = codec.layout.name
         self.counter = -1
         self.bare = -1
         self.message: Any = None
@@ -162,7 +179,7 @@ class Encoder:
                 try:
                     payload = stream.pack(message)
                 except (ValueError, OverflowError):
-                    raise CodecError(f"{stream.name} holds what is no number: {message}") from None
+                    raise CodecError(_no_number(message)) from None
                 stream.bare = payload | crc_of(payload)
                 stream.message = message
             frames.append(pack_frame(stream.can_id, stream.bare ^ stream.marks[counter]))
@@ -177,8 +194,8 @@ class Encoder:
 class Decoder:
     """Batches to messages of one sender; nothing that fails protection or range comes through."""
 
-    __slots__ = ("_streams", "corrupted", "lost", "ok", "out_of_range", "reordered", "repeated",
-                 "unknown")  # fmt: skip
+    __slots__ = ("_streams", "corrupted", "incomplete", "lost", "ok", "out_of_range",
+                 "reordered", "repeated", "unknown")  # fmt: skip
 
     def __init__(self, sender: str) -> None:
         self._streams = {
@@ -187,11 +204,14 @@ class Decoder:
             if codec.layout.sender == sender
         }
         self.ok = self.corrupted = self.repeated = self.reordered = 0
-        self.lost = self.out_of_range = self.unknown = 0
+        self.lost = self.out_of_range = self.unknown = self.incomplete = 0
 
     def decode(self, batch: bytes) -> list[Any]:
         """Decode a batch into the messages that may be acted on, in the order of arrival."""
         decoded = []
+        if len(batch) % FRAME.size:  # not from our encoder; what is whole in it is protected
+            self.incomplete += 1
+            batch = batch[: len(batch) - len(batch) % FRAME.size]
         for can_id, word in iter_frames(batch):
             stream = self._streams.get(can_id)
             if stream is None:
@@ -236,5 +256,5 @@ class Decoder:
         """Return what was received so far, by verdict."""
         return ReceptionCounts(
             self.ok, self.corrupted, self.repeated, self.reordered, self.lost, self.out_of_range,
-            self.unknown,
+            self.unknown, self.incomplete,
         )  # fmt: skip

@@ -101,7 +101,8 @@ def is_intact(word: int, marks: tuple[int, ...]) -> bool:
 class ReceptionCounts(NamedTuple):
     """What a receiver saw, by verdict; every frame is counted once.
 
-    `lost` counts frames that a counter step shows as missing, not frames received.
+    `lost` counts frames that a counter step shows as missing, not frames received; `incomplete`
+    counts batches that ended within a frame.
     """
 
     ok: int = 0

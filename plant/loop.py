@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from hil import topics
 from hil.codec import Decoder, Encoder
+from hil.e2e import MAX_DELTA
 from hil.exchange import await_batch
 from hil.messages import (
     PULSE_CLOCK_US,
@@ -61,11 +62,15 @@ class Answer(NamedTuple):
     tick: int
     command: Command | None
     frames: bytes
+    throttle: float = 1.0
 
 
 _NO_ANSWER: Final = Answer(-1, None, b"")
 _NOT_YET: Final = Answer(-1, Command(), b"")
 """Before the first answer nothing is missing: the plant goes on as it began."""
+
+_COMING_UP_NS: Final = 1_000_000_000
+"""For so long at the most."""
 
 
 class PlantLoop:
@@ -98,13 +103,17 @@ class PlantLoop:
         self._first_tick = state.tick
         self._initial_events = events
         self._answered_before = False
+        self._silent_turns = 0
+        self._throttle = 1.0
         self._measured = self._measure()
 
     def turn(self, tick: int) -> int:
         """Run the tick, or the one that is due by now; return the tick after it."""
         slot = self._pacer.wait(tick)
-        for missed in range(tick, slot.tick):
-            self._skip(missed, slot)
+        if slot.tick > tick:
+            for missed in range(tick, slot.tick):
+                self._skip(missed, slot)
+            self._measured = self._measure()
         measured = self._measured
         patience_ns = 0 if self.peer_lost else self._pacer.patience_ns
         arrived = [] if patience_ns else self._drain()
@@ -163,9 +172,12 @@ class PlantLoop:
     def _understand(self, arrived: list[bytes]) -> Answer:
         """Decode the answers that act from now on; of several the newest machine order counts."""
         if not arrived:
-            return _NO_ANSWER if self._answered_before else _NOT_YET
-        machine, pulses, mode, tick = None, [], -1, -1
+            return self._unanswered()
+        self._silent_turns = 0
+        machine, mode, tick = None, -1, -1
+        pulses: list[PulseOrder] = []
         for batch in arrived:
+            older, pulses = pulses, []
             for message in self.decoder.decode(batch):
                 kind = type(message)
                 if kind is ControllerTick:
@@ -174,8 +186,10 @@ class PlantLoop:
                     machine = MachineOrder(
                         message.mode, message.force_n, message.load_coefficient_n_s_m
                     )
+                    self._throttle = message.throttle
                 elif kind is Pulse:
                     pulses.append(PulseOrder(*message))
+            pulses = _superseded(older, pulses)
         frames = arrived[0] if len(arrived) == 1 else b"".join(arrived)
         if mode < 0:
             return Answer(-1, None, frames)
@@ -183,14 +197,24 @@ class PlantLoop:
         self._answered_before = True
         self.answered += 1
         self._used_tick = tick
-        return Answer(tick, Command(machine, tuple(pulses), mode in _FIRING_MODES), frames)
+        command = Command(machine, tuple(pulses), mode in _FIRING_MODES)
+        return Answer(tick, command, frames, self._throttle)
+
+    def _unanswered(self) -> Answer:
+        """Nothing came: not yet, while the controller is coming up, or no more."""
+        self._silent_turns += 1
+        if self._silent_turns == MAX_DELTA:
+            self.decoder.forget_counters()
+        if self._answered_before or self.peer_lost or not self._link.peer_alive():
+            return _NO_ANSWER
+        waited_ns = (self.state.tick - self._first_tick) * self.params.period_ns
+        return _NOT_YET if waited_ns < _COMING_UP_NS else _NO_ANSWER
 
     def _skip(self, tick: int, slot: Slot) -> None:
         """Integrate a tick whose slot has passed: nothing was sent, so nothing was answered."""
         before = self.state
         held = Command() if before.stale == 0 else None
         self.state, events = step(self.params, before, held)
-        self._measured = self._measure()
         t_ns = tick * self.params.period_ns
         data = topics.TRUTH.pack(*truth(self.params.period_ns, before)) + topics.TIMING.pack(
             tick, t_ns, t_ns, slot.woke_ns, slot.woke_ns, -1, 1
@@ -236,7 +260,7 @@ class PlantLoop:
         )
         return topics.ACTUATOR.pack(
             tick, t_ns, answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m,
-            1.0, len(pulses), channels, opens, durations,
+            answer.throttle, len(pulses), channels, opens, durations,
         )  # fmt: skip
 
     def _tell(self, slot: Slot) -> None:
@@ -267,6 +291,12 @@ def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
     half = PULSE_CLOCK_US // 2
     ahead_us = (pulse.open_us - now_us + half) % PULSE_CLOCK_US - half
     return pulse.channel, (now_us + ahead_us) * 1000, pulse.duration_us * 1000
+
+
+def _superseded(older: list[PulseOrder], newer: list[PulseOrder]) -> list[PulseOrder]:
+    """Of two answers in one tick the newer one counts, channel by channel."""
+    channels = [pulse.channel for pulse in newer]
+    return [pulse for pulse in older if pulse.channel not in channels] + newer if older else newer
 
 
 def _columns(rows: list[tuple[int, int, int]]) -> tuple[tuple[int, ...], ...]:

@@ -102,6 +102,8 @@ def raise_if_lost(loop: PlantLoop) -> None:
     Raises: RunError
     """
     if loop.state.stale >= loop.params.stale_ticks:
+        if not loop.answered:
+            raise RunError("controller never answered")
         raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")
 
 

@@ -29,8 +29,8 @@ class CascadeConfig(Section):
     Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
     """
 
-    outer: Gains = Gains(kp=43.15, ki=61.05)
-    inner: Gains = Gains(kp=3.223e-6, ki=2.316e-6)
+    outer: Gains = Gains(kp=39.0, ki=52.0)
+    inner: Gains = Gains(kp=3.12e-6, ki=2.06e-6)
     v_correction_max_m_s: float = Field(default=1.0, gt=0.0, le=5.0)
 
 
@@ -76,7 +76,7 @@ class TimingConfig(Section):
 
     spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
-    spark_ahead_s: float = Field(default=5.0e-3, ge=1.0e-3, le=20.0e-3)
+    spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
     injection_lead_ticks: int = Field(default=3, ge=1, le=20)
 
 

@@ -14,6 +14,8 @@ from hil.errors import ConfigError
 
 Tree = dict[str, Any]
 
+_LONGEST_SHOWN = 80
+
 
 def read_toml(path: Path) -> Tree:
     """Read a TOML file.
@@ -48,15 +50,15 @@ def with_override(tree: Mapping[str, Any], key: str, value: Any) -> Tree:  # noq
 
     Raises: ConfigError when the key goes through something that is no table
     """
-    head, _, rest = key.partition(".")
     changed = dict(tree)
-    if not rest:
-        changed[head] = value
-        return changed
-    below = tree.get(head, {})
-    if not isinstance(below, Mapping):
-        raise ConfigError(f"--set {key}: {head} is a value, not a table")
-    changed[head] = with_override(below, rest, value)
+    node, (*path, last) = changed, key.split(".")
+    for depth, part in enumerate(path):
+        below = node.get(part, {})
+        if not isinstance(below, Mapping):
+            reached = ".".join(path[: depth + 1])
+            raise ConfigError(f"--set {key}: {reached} is a value ({_shown(below)}), not a table")
+        node[part] = node = dict(below)
+    node[last] = value
     return changed
 
 
@@ -86,8 +88,14 @@ def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:
     """An override changes an event or expectation that exists; a typo must not make a new one."""
     table, _, rest = key.partition(".")
     name = rest.partition(".")[0]
-    if table in {"events", "expect"} and name not in tree.get(table, {}):
-        known = ", ".join(tree.get(table, {})) or "none"
+    if table not in {"events", "expect"}:
+        return
+    present = tree.get(table, {})
+    names = list(present) if isinstance(present, Mapping) else []
+    if not name:
+        raise ConfigError(f"--set {key}: accepted is {key}.NAME.KEY=value")
+    if name not in names:
+        known = ", ".join(names) or "none"
         raise ConfigError(f"--set {key}: this scenario has no {table}.{name}; it has: {known}")
 
 
@@ -95,16 +103,35 @@ def describe(error: ValidationError, origin: str) -> str:
     """One line of a validation error: file, key, what was given, what is accepted."""
     first = error.errors(include_url=False)[0]
     parts = [str(part) for part in first["loc"]]
-    key = ".".join(parts)
+    key = ".".join(_as_written(parts))
     more = error.error_count() - 1
     tail = f" (and {more} more)" if more else ""
     if first["type"] == "extra_forbidden":
         return f"{origin}: {key}: unknown key; accepted here: {_siblings(parts)}{tail}"
     given = first["input"]
-    shown = f" (given: {given!r})" if not isinstance(given, dict) else ""
+    shown = f" (given: {_shown(given)})" if not isinstance(given, dict) else ""
     message = first["msg"].removeprefix("Value error, ")
-    accepted = _accepted_range(parts)
+    accepted = _accepted_kinds(parts, first["type"]) or _accepted_range(parts)
     return f"{origin}: {key or 'scenario'}: {message}{shown}{accepted}{tail}"
+
+
+def _shown(value: object) -> str:
+    """A value on part of a line."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def _as_written(parts: list[str]) -> list[str]:
+    """The key without the kind of the event, which the checker puts behind the event's name."""
+    return parts[:2] + parts[3:] if parts[:1] == ["events"] else parts
+
+
+def _accepted_kinds(parts: list[str], problem: str) -> str:
+    """The kinds of an event that has none."""
+    if problem != "union_tag_not_found":
+        return ""
+    kinds = _section([*parts[:-1], "", ""]).get("discriminator", {}).get("mapping", {})
+    return f"; accepted: {', '.join(kinds)}"
 
 
 def _section(parts: list[str]) -> dict[str, Any]:

@@ -62,7 +62,7 @@ class LinkConfig(Section):
 class RealtimeConfig(Section):
     """What the process asks of the operating system; what it was granted goes into the log."""
 
-    priority: int = Field(default=0, ge=0, le=98, description="SCHED_FIFO priority, 0: leave")
+    priority: int = Field(default=20, ge=0, le=98, description="SCHED_FIFO priority, 0: leave")
     cpu: int | None = Field(default=None, ge=0, le=1023)
     lock_memory: bool = False
     spin_s: float = Field(default=0.15e-3, ge=0.0, le=2e-3)

@@ -1,0 +1,173 @@
+import json
+import math
+
+import numpy as np
+import pytest
+from bench_logs import Centre, Made, alternating, make_run
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bench.figures import event_figures, figures, read_run
+from bench.strokes import Strokes, set_point_at, settling_ns
+from bench.summary import summarise, summarise_fault, write
+from bench.ticks import Histogram
+from bench.verdict import judge
+
+LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
+RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
+
+
+@pytest.fixture(scope="module")
+def response(tmp_path_factory):
+    made = Made(alternating(RESPONSE), events=(LOAD,), missed=frozenset({7, 8}), late_ns=(10_000, 90_000))
+    scenario, files = make_run(
+        tmp_path_factory.mktemp("run"), made, run__duration_s=1.0, events__load__at_s=0.25
+    )
+    return read_run(scenario, files)
+
+
+def test_every_dead_centre_is_found_once_and_the_first_is_where_the_run_begins(response):
+    strokes = response.strokes
+    assert len(strokes.t_ns) == len(RESPONSE)
+    assert strokes.error_m * 1e3 == pytest.approx(RESPONSE, abs=1e-9)
+
+
+def test_settling_runs_to_the_first_dead_centre_after_the_last_outside(response):
+    found = figures(response, None)
+    assert found["settling_s"] == pytest.approx(14 * 0.025 - 0.26)
+    assert found["tdc_error_peak_mm"] == pytest.approx(1.9)
+    assert event_figures(response)[0]["t_s"] == pytest.approx(0.26)
+
+
+def test_frequency_mean_and_sigma_are_those_of_the_strokes(response):
+    found = figures(response, None)
+    tdc_mm = 15.5 + np.array(RESPONSE)
+    assert found["frequency_mean_hz"] == pytest.approx(20.0)
+    assert found["tdc_mean_mm"] == pytest.approx(tdc_mm.mean())
+    assert found["tdc_sigma_mm"] == pytest.approx(tdc_mm.std(ddof=1))
+    assert found["fuel_total_mg"] == pytest.approx(2.8 * len(RESPONSE))
+
+
+def test_energy_is_power_times_time(response):
+    found = figures(response, 0.5)
+    assert found["electric_energy_j"] == pytest.approx(100.0 * 1.0)
+    assert found["electric_power_mean_w"] == pytest.approx(100.0)
+    assert found["speed_sim_s_per_wall_s"] == pytest.approx(2.0)
+
+
+def test_lateness_is_in_microseconds_and_leaves_missed_ticks_out(response):
+    found = figures(response, None)
+    assert found["plant_missed_ticks"] == 2
+    assert found["plant_late_max_us"] == pytest.approx(90.0)
+    assert found["plant_late_p50_us"] == pytest.approx(10.0, rel=0.015)
+    assert found["answered_next_tick_share"] == 1.0
+    # driven by samples: lateness counts from the earliest one
+    assert found["controller_late_max_us"] == pytest.approx(80.0)
+
+
+def test_lockstep_has_no_lateness(tmp_path):
+    scenario, files = make_run(tmp_path, Made(alternating(RESPONSE)), loop__clock="lockstep")
+    assert figures(read_run(scenario, files), None)["plant_late_p99_us"] is None
+
+
+def test_an_answer_two_ticks_old_is_not_one_in_the_next_tick(tmp_path):
+    scenario, files = make_run(tmp_path, Made(alternating(RESPONSE), age=2))
+    found = figures(read_run(scenario, files), None)
+    assert found["answered_next_tick_share"] == 0.0
+    assert found["sample_age_p50_ticks"] == found["sample_age_max_ticks"] == 2
+
+
+def test_expectation_counts_from_the_event(response):
+    tdc, mode, contacts = judge(response)
+    assert (tdc.key, tdc.met) == ("within_mm", True)
+    assert tdc.found == pytest.approx(0.09)
+    assert mode.met
+    assert contacts.met
+
+
+@pytest.mark.parametrize(("after_s", "met"), [(0.0901, True), (0.0899, False)])
+def test_settling_must_come_no_later_than_asked(tmp_path, after_s, met):
+    made = Made(alternating(RESPONSE), events=(LOAD,))
+    scenario, files = make_run(tmp_path, made, expect__tdc__after_s=after_s)
+    assert judge(read_run(scenario, files))[0].met is met
+
+
+def test_an_event_that_did_not_happen_meets_nothing(tmp_path):
+    scenario, files = make_run(tmp_path, Made(alternating(RESPONSE)))
+    check = judge(read_run(scenario, files))[0]
+    assert not check.met
+    assert check.text == "event 'load' did not happen"
+
+
+def test_a_run_that_ends_before_the_judged_time_meets_nothing(tmp_path):
+    made = Made(alternating(RESPONSE), events=((840_000_000, *LOAD[1:]),))
+    scenario, files = make_run(tmp_path, made)
+    assert not judge(read_run(scenario, files))[0].met
+
+
+def test_the_last_mode_change_is_the_final_mode(tmp_path):
+    events = ((1_000_000, "mode motoring", "a"), (2_000_000, "mode safe", "b"))
+    made = Made(alternating(RESPONSE), events=(LOAD,), controller_events=events)
+    scenario, files = make_run(tmp_path, made)
+    data = read_run(scenario, files)
+    assert data.mode == "safe"
+    assert [c.met for c in judge(data)] == [True, False, True]
+
+
+def test_a_run_without_a_stroke_has_figures_too(tmp_path):
+    scenario, files = make_run(tmp_path, Made([]))
+    found = figures(read_run(scenario, files), None)
+    assert found["strokes"] == 0
+    assert found["tdc_mean_mm"] is None
+
+
+def test_summary_is_json_without_nan(response, tmp_path):
+    told = summarise(response, {"processes": {"plant": {"loop_s": 2.0}}})
+    told["figures"]["tdc_mean_mm"] = math.nan
+    write(told, tmp_path / "summary.json")
+    read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert read["verdict"] == "met"
+    assert read["figures"]["tdc_mean_mm"] is None
+    assert read["figures"]["wall_s"] == 2.0
+
+
+def test_a_fault_keeps_its_reason_and_exit_code(response):
+    told = summarise_fault(response.scenario, {"error": "plant died", "exit_code": 3})
+    assert (told["verdict"], told["exit_code"], told["exit_reason"]) == ("fault", 3, "plant died")
+
+
+def strokes_of(errors_mm):
+    centres = alternating(errors_mm)[1:]
+    t_ns, x_m, fuel = (np.array(c) for c in zip(*centres, strict=True))
+    return Strokes(t_ns, x_m, fuel, np.full(len(t_ns), 0.0155))
+
+
+@given(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=30))
+def test_after_settling_every_dead_centre_is_inside(errors_mm):
+    strokes = strokes_of(errors_mm)
+    settled = settling_ns(strokes, 0, 0.1e-3)
+    if settled is None:
+        assert abs(strokes.error_m[-1]) > 0.1e-3
+    else:
+        assert (np.abs(strokes.since(settled).error_m) <= 0.1e-3).all()
+
+
+def test_set_points_hold_from_their_change_on():
+    changes = (np.array([100, 200]), np.array([0.015, 0.014]))
+    at = set_point_at(np.array([50, 100, 199, 200, 900]), 0.0155, changes)
+    assert at.tolist() == [0.0155, 0.015, 0.015, 0.014, 0.014]
+
+
+@given(st.lists(st.integers(0, 10**9), min_size=1, max_size=400))
+def test_histogram_quantiles_are_those_of_the_values_to_a_bin(times_ns):
+    histogram = Histogram()
+    histogram.add(np.array(times_ns))
+    exact = float(np.quantile(times_ns, 0.5, method="inverted_cdf"))
+    assert histogram.total == len(times_ns)
+    assert histogram.max_ns == max(times_ns)
+    assert exact * 0.98 - 1.0 <= histogram.quantile_ns(0.5) <= max(exact * 1.02, 10.0) + 1.0
+
+
+def test_dead_centres_that_do_not_move_on_are_not_counted_again(tmp_path):
+    scenario, files = make_run(tmp_path, Made([Centre(0, -0.0155), Centre(25_000_000, 0.0155)]))
+    assert len(read_run(scenario, files).strokes.t_ns) == 1
