@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-SAFE_GRACE_S = 2.0
+SAFE_GRACE_S = 1.0
 """What the survivor of a lost peer is given to reach its safe state and to log it."""
 
 FINISH_GRACE_S = 15.0

@@ -83,10 +83,10 @@ def canvas(width: float, height: float, rows: int = 1, **layout: Any) -> tuple[F
     return figure, [row[0] for row in grid]
 
 
-def svg(figure: Figure) -> str:
+def svg(figure: Figure, *, transparent: bool = True) -> str:
     """Return the figure as an SVG element, the same for the same figure."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=transparent)
     text = buffer.getvalue()
     return text[text.index("<svg") :]
 

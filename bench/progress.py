@@ -31,7 +31,8 @@ class View(Protocol):
 class Newest:
     """The newest figures of both processes."""
 
-    def __init__(self) -> None:
+    def __init__(self, scenario: Scenario) -> None:
+        self._real_time = scenario.loop.clock == "realtime"
         self._by_process: dict[str, Status] = {}
 
     def take(self, status: Status) -> None:
@@ -58,7 +59,7 @@ class Newest:
             found.append(("fuel", f"{fuel:.3f} mg"))
         if (mode := self.get("controller", "mode")) is not None:
             found.append(("", str(mode)))
-        if (late := self.get("plant", "late_us")) is not None:
+        if self._real_time and (late := self.get("plant", "late_us")) is not None:
             found.append(("late", f"{late:.0f} µs"))
         return found
 
@@ -69,7 +70,7 @@ class PlainView:
     def __init__(self, scenario: Scenario, console: Console) -> None:
         self._scenario = scenario
         self._console = console
-        self._newest = Newest()
+        self._newest = Newest(scenario)
         self._told_s = time.monotonic()
 
     def __enter__(self) -> View:
@@ -101,7 +102,7 @@ class LiveView:
         from rich.live import Live
 
         self._scenario = scenario
-        self._newest = Newest()
+        self._newest = Newest(scenario)
         self._drawn_s = 0.0
         self._live = Live(console=console, auto_refresh=False, transient=True)
 

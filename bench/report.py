@@ -39,7 +39,7 @@ def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
 def save_picture(data: RunData, files: RunFiles, path: Path) -> None:
     """Write the overview alone as an SVG file, as the documentation shows it."""
     with style():
-        text = svg(plots_motion.overview(data, read_traces(data, files)))
+        text = svg(plots_motion.overview(data, read_traces(data, files)), transparent=False)
     path.write_text(text, encoding="utf-8")
 
 

@@ -20,6 +20,8 @@ from plant.params import Engine, engine_of
 NOMINAL_FUEL_KG = 2.8185e-6
 """Fuel that holds 15.5 mm in the linear models of the Newcastle engine (thesis eq. 5.60)."""
 
+_SLOPE_STEP = 0.01
+
 # The non-linear model is integrated for every fuel that is tried.
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
 
@@ -98,6 +100,16 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
         preset["v_mid_m_s"] = settled.v_mid_m_s
     if preset["stroke_s"] is None:
         preset["stroke_s"] = 0.5 / settled.frequency_hz
+    if preset["fuel_per_speed_kg_s_m"] is None:
+        preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
+
+
+def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:
+    """Return the slope of the settled fuel over the settled mid-stroke speed [kg s/m]."""
+    step_kg = _SLOPE_STEP * fuel_kg
+    faster = limit_cycle(engine, fuel_kg + step_kg, load).v_mid_m_s
+    slower = limit_cycle(engine, fuel_kg - step_kg, load).v_mid_m_s
+    return 2.0 * step_kg / (faster - slower)
 
 
 def _settled(scenario: Scenario, engine: Engine, fuel_kg: float, load: float) -> LimitCycle:

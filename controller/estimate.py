@@ -22,6 +22,7 @@ class Motion(NamedTuple):
     t_ns, x_m, v_m_s: newest sample; a_m_s2: acceleration between the last two
     tdc_m, side, dc_t_ns: last dead centre as distance, its head (0 left, 1 right), its instant
     v_mid_m_s, mid_t_ns: last pass through the middle
+    quarter_ns: from there to the dead centre, in the last stroke that had both
     stroke: number of the stroke; passed_mid: whether this stroke has passed the middle
     """
 
@@ -37,6 +38,7 @@ class Motion(NamedTuple):
     mid_t_ns: int = -1
     stroke: int = 0
     passed_mid: bool = False
+    quarter_ns: int = 0
 
 
 class Passed(NamedTuple):
@@ -89,7 +91,11 @@ def _reversed(motion: Motion, t_ns: int, x: float, v: float, a: float) -> tuple[
         return turned._replace(passed_mid=turned.direction * x > 0.0), NOTHING
     return (
         turned._replace(
-            tdc_m=abs(dc_x), side=1 if dc_x > 0.0 else 0, dc_t_ns=dc_t_ns, stroke=motion.stroke + 1
+            tdc_m=abs(dc_x),
+            side=1 if dc_x > 0.0 else 0,
+            dc_t_ns=dc_t_ns,
+            stroke=motion.stroke + 1,
+            quarter_ns=dc_t_ns - motion.mid_t_ns if motion.passed_mid else 0,
         ),
         DEAD_CENTRE,
     )

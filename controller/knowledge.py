@@ -13,12 +13,27 @@ from hil.prototypes import Prototype
 _NEWTON_STEPS = 60
 
 
+TUNED_FUEL_PER_SPEED_KG_S_M = 1.4512e-6
+"""Slope of fuel over mid-stroke speed at which the laws' gains were found (docs/tuning.md)."""
+
+_SLOPE_STEP = 0.01
+
+
 class OperatingPoint(NamedTuple):
-    """A steady state: fuel a stroke [kg], speed at mid-stroke [m/s], duration of a stroke [s]."""
+    """A steady state: fuel a stroke [kg], speed at mid-stroke [m/s], duration of a stroke [s].
+
+    fuel_per_speed_kg_s_m: by how much more fuel the steady speed rises, at the same load
+    """
 
     fuel_kg: float
     v_mid_m_s: float
     stroke_s: float
+    fuel_per_speed_kg_s_m: float = TUNED_FUEL_PER_SPEED_KG_S_M
+
+    @property
+    def gain_scale(self) -> float:
+        """Factor on the gains from speed to fuel: an engine that needs less fuel gets less."""
+        return self.fuel_per_speed_kg_s_m / TUNED_FUEL_PER_SPEED_KG_S_M
 
 
 def operating_point(engine: Prototype, tdc_m: float, load_n_s_m: float) -> OperatingPoint:
@@ -27,11 +42,19 @@ def operating_point(engine: Prototype, tdc_m: float, load_n_s_m: float) -> Opera
     X = F0 / (c omega) and m omega^2 = k0 + gamma E / Ls^2, with F0 = 4 E / (pi Ls), give
     m omega^2 - (pi gamma c X / (4 Ls)) omega - k0 = 0     (thesis eqs. 5.56 to 5.60)
     """
+    fuel, v_mid, stroke = _steady(engine, tdc_m, load_n_s_m)
+    more_fuel, more_v, _ = _steady(engine, tdc_m * (1.0 + _SLOPE_STEP), load_n_s_m)
+    less_fuel, less_v, _ = _steady(engine, tdc_m * (1.0 - _SLOPE_STEP), load_n_s_m)
+    return OperatingPoint(fuel, v_mid, stroke, (more_fuel - less_fuel) / (more_v - less_v))
+
+
+def _steady(engine: Prototype, tdc_m: float, load_n_s_m: float) -> tuple[float, float, float]:
+    """Fuel, speed at mid-stroke and duration of a stroke of that steady state."""
     m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
     b = math.pi * engine.gamma * load_n_s_m * tdc_m / (4.0 * Ls)
     omega = (b + math.sqrt(b * b + 4.0 * m * k0)) / (2.0 * m)
     energy = math.pi * Ls * load_n_s_m * omega * tdc_m / 4.0
-    return OperatingPoint(energy / engine.energy_j_kg, omega * tdc_m, math.pi / omega)
+    return energy / engine.energy_j_kg, omega * tdc_m, math.pi / omega
 
 
 def load_for_power(engine: Prototype, tdc_m: float, power_w: float) -> float:

@@ -26,8 +26,8 @@ from hil.prototypes import PROTOTYPES, Prototype
 MISFIRE_CHECK_FRACTION = 0.25
 """Part of a stroke after which the piston's speed tells whether the charge has burnt."""
 
-MISFIRE_SPEED_RATIO = 0.5
-"""Below this share of the expected speed it has not: the air spring alone gives a fifth."""
+MISFIRE_SPEED_RATIO = 0.6
+"""Below this share of the expected speed it has not: the air springs alone give 0.2 to 0.45."""
 
 FIRING_MODES = (Mode.MOTORING, Mode.GENERATING)
 """In any other mode the TTL lines are low; the plant's decoder knows the same two."""
@@ -136,7 +136,9 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         plan, demand = NO_PLAN, NO_DEMAND
     if passed.mid_stroke and _may_fire(params, mode, motion, set_points):
         law, demand = _demand(params, state, motion, set_points)
-        plan = timing.plan_injection(params.config, motion, t_ns, params.period_ns, demand.fuel_kg)
+        plan = timing.plan_injection(
+            params.config, motion, t_ns, params.period_ns, set_points.point.stroke_s, demand.fuel_kg
+        )
     if plan.fuel_kg > 0.0:
         plan = timing.plan_spark(
             params.config, plan, motion, t_ns, params.period_ns, set_points.point.stroke_s

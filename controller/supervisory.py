@@ -67,10 +67,12 @@ def with_preset(
     start = operating_point(engine, start_tdc, start_load)
     here = operating_point(engine, tdc_m, load_n_s_m)
     fuel, v_mid, stroke = preset.fuel_kg, preset.v_mid_m_s, preset.stroke_s
+    slope = preset.fuel_per_speed_kg_s_m
     return OperatingPoint(
         here.fuel_kg if fuel is None else fuel * _ratio(here.fuel_kg, start.fuel_kg),
         here.v_mid_m_s if v_mid is None else v_mid * here.v_mid_m_s / start.v_mid_m_s,
         here.stroke_s if stroke is None else stroke * here.stroke_s / start.stroke_s,
+        here.fuel_per_speed_kg_s_m if slope is None else slope,
     )
 
 

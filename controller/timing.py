@@ -11,6 +11,9 @@ from hil.messages import INJECTOR_LEFT, SPARK_LEFT
 
 _US = 1000
 
+SPARK_STEP_NS = 100_000
+"""A thirtieth of the plant's spark window: a smaller correction is not worth a new order."""
+
 
 class PlannedPulse(NamedTuple):
     """One pulse of a TTL line on the plant's clock [ns], on whole microseconds."""
@@ -37,18 +40,31 @@ NO_PLAN = Plan()
 
 
 def plan_injection(
-    config: ControllerConfig, motion: Motion, t_ns: int, period_ns: int, fuel_kg: float
+    config: ControllerConfig,
+    motion: Motion,
+    t_ns: int,
+    period_ns: int,
+    stroke_s: float,
+    fuel_kg: float,
 ) -> Plan:
-    """Place the injection at mid-stroke, as early as a lost frame leaves time to repeat it.
+    """Place the injection at mid-stroke, as late as is safe: until then a lost frame costs nothing.
 
-    The line is high for dead time + fuel / flow.
+    The line is high for dead time + fuel / flow, and has to be low before the dead centre. That
+    lies as far from mid-stroke as in the stroke before or in the steady state, whichever is less,
+    or up to a tenth nearer.
     """
     duration_us = (
         config.injector.dead_time_s * 1e6 + fuel_kg / config.injector.static_flow_kg_s * 1e6
     )
-    open_ns = _whole_us(t_ns + config.timing.injection_lead_ticks * period_ns)
-    channel = INJECTOR_LEFT + _side_ahead(motion)
-    return Plan(PlannedPulse(channel, open_ns, max(round(duration_us), 1) * _US), None, fuel_kg)
+    duration_ns = max(round(duration_us), 1) * _US
+    earliest_ns = t_ns + config.timing.injection_lead_ticks * period_ns
+    low_by_ns = round(config.timing.injection_margin_s * 1e9)
+    quarter_ns = min(motion.quarter_ns, round(0.5e9 * stroke_s))
+    latest_ns = motion.mid_t_ns + quarter_ns * 9 // 10 - low_by_ns - duration_ns
+    open_ns = _whole_us(max(earliest_ns, latest_ns))
+    return Plan(
+        PlannedPulse(INJECTOR_LEFT + _side_ahead(motion), open_ns, duration_ns), None, fuel_kg
+    )
 
 
 def plan_spark(
@@ -61,7 +77,8 @@ def plan_spark(
 ) -> Plan:
     """Place the spark ahead of the predicted dead centre, again every tick until it is due.
 
-    A command acts from the next tick, so a spark that opens before that is left as it is.
+    A command acts from the next tick, so a spark that opens before that is left as it is, and so
+    is one that would move by less than `SPARK_STEP_NS`.
     """
     timing = config.timing
     if plan.spark is not None and plan.spark.open_ns <= t_ns + period_ns:
@@ -69,6 +86,8 @@ def plan_spark(
     seconds = seconds_to_dead_centre(motion, period_ns * 1e-9, math.pi / stroke_s)
     open_ns = motion.t_ns + round((seconds - timing.spark_advance_s) * 1e9)
     if open_ns - t_ns > timing.spark_ahead_s * 1e9:
+        return plan
+    if plan.spark is not None and abs(open_ns - plan.spark.open_ns) < SPARK_STEP_NS:
         return plan
     open_ns = _whole_us(max(open_ns, t_ns + period_ns))
     duration_ns = round(timing.spark_duration_s * 1e6) * _US

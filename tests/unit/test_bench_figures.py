@@ -19,7 +19,9 @@ RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
 
 @pytest.fixture(scope="module")
 def response(tmp_path_factory):
-    made = Made(alternating(RESPONSE), events=(LOAD,), missed=frozenset({7, 8}), late_ns=(10_000, 90_000))
+    made = Made(
+        alternating(RESPONSE), events=(LOAD,), missed=frozenset({7, 8}), late_ns=(10_000, 90_000)
+    )
     scenario, files = make_run(
         tmp_path_factory.mktemp("run"), made, run__duration_s=1.0, events__load__at_s=0.25
     )

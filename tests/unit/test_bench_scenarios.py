@@ -39,7 +39,7 @@ def test_only_starts_begin_at_rest():
 
 
 def test_an_unknown_scenario_names_the_known_ones():
-    with pytest.raises(ConfigError, match="accepted is a path.*load-decrease"):
+    with pytest.raises(ConfigError, match=r"accepted is a path.*load-decrease"):
         find("load-decrese")
 
 
@@ -77,7 +77,7 @@ def test_open_loop_fuel_is_the_same_in_the_linear_models(model):
 
 def test_a_settled_run_that_would_strike_the_head_is_refused():
     changes = [("controller.name", "open-loop"), ("controller.open_loop.fuel_kg", 5.0e-6)]
-    with pytest.raises(ConfigError, match="cannot begin settled.*the head is at 20 mm"):
+    with pytest.raises(ConfigError, match=r"cannot begin settled.*the head is at 20 mm"):
         resolve(read("steady", changes))
 
 

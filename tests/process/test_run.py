@@ -1,0 +1,140 @@
+"""`hil run` with real processes: verdicts, exit codes, kills, interrupts."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import hil.log
+
+HIL = [sys.executable, "-m", "bench.cli"]
+LOCKSTEP = ["--clock", "lockstep", "--no-report"]
+
+
+def run(*arguments):
+    return hil_command("run", *arguments)
+
+
+def hil_command(*arguments):
+    return subprocess.run(
+        [*HIL, *arguments], capture_output=True, text=True, timeout=90, check=False
+    )
+
+
+def summary_of(directory):
+    return json.loads((directory / "summary.json").read_text())
+
+
+def test_a_load_step_in_memory_is_settled_in_time(tmp_path):
+    done = run("load-decrease", "--link", "memory", *LOCKSTEP, "--out", str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    told = summary_of(tmp_path)
+    assert told["verdict"] == "met"
+    assert told["figures"]["settling_s"] <= 0.175
+    assert told["figures"]["plant_ticks"] == told["figures"]["controller_ticks"] == 2500
+    assert told["events"][0]["t_s"] == pytest.approx(1.1094, abs=1e-3)
+
+
+def test_an_expectation_that_is_not_met_is_exit_1(tmp_path):
+    done = run("load-decrease", "--controller", "open-loop", "--link", "memory", *LOCKSTEP,
+               "--out", str(tmp_path))  # fmt: skip
+    assert done.returncode == 1
+    assert "✗ TDC within ±0.1 mm" in done.stdout
+    assert summary_of(tmp_path)["exit_code"] == 1
+
+
+def test_an_impossible_begin_is_exit_2_and_leaves_nothing(tmp_path):
+    done = run("steady", "--controller", "open-loop", "--set", "controller.open_loop.fuel_kg=5e-6",
+               "--out", str(tmp_path / "out"))  # fmt: skip
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_memory_and_zenoh_give_the_same_strokes(tmp_path):
+    strokes = []
+    for link in ("memory", "zenoh"):
+        out = tmp_path / link
+        done = run("load-increase", "--link", link, *LOCKSTEP, "--out", str(out),
+                   "--set", "run.duration_s=1.5")  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        with hil.log.open(out / "plant.mcap") as log:
+            truth = log.array("/truth")
+        strokes.append([truth[name].tobytes() for name in truth.dtype.names])
+    assert strokes[0] == strokes[1]
+
+
+def test_report_rebuilds_what_a_run_wrote(tmp_path):
+    pytest.importorskip("matplotlib")
+    run("load-decrease", "--link", "memory", *LOCKSTEP, "--out", str(tmp_path))
+    first = summary_of(tmp_path)
+    (tmp_path / "report.html").unlink(missing_ok=True)
+    done = hil_command("report", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+    assert summary_of(tmp_path) == first
+
+
+def started(out, *arguments):
+    """Start a long run and wait until both its logs are being written."""
+    options = [*arguments, "--no-report", "--set", "run.duration_s=60", "--out", str(out)]
+    process = subprocess.Popen(
+        [*HIL, "run", "steady", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    deadline_s = time.monotonic() + 30.0
+    logs = [out / "plant.mcap", out / "controller.mcap"]
+    while not all(log.exists() and log.stat().st_size > 20_000 for log in logs):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+    return process
+
+
+def children_of(pid):
+    """Return the process numbers of a process's children by module name."""
+    found = {}
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(status.read_text().rpartition(")")[2].split()[1])
+            command = (status.parent / "cmdline").read_bytes().decode().split("\0")
+        except OSError:
+            continue
+        if parent == pid and "-m" in command:
+            found[command[command.index("-m") + 1]] = int(status.parent.name)
+    return found
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+@pytest.mark.parametrize(("killed", "survivor"), [("plant", "controller"), ("controller", "plant")])
+def test_a_killed_process_leaves_two_whole_logs_and_one_line(tmp_path, clock, killed, survivor):
+    process = started(tmp_path, "--clock", clock)
+    pid = children_of(process.pid)[f"{killed}.main"]
+    os.kill(pid, signal.SIGKILL)
+    _, err = process.communicate(timeout=40)
+    assert process.returncode == 3
+    assert len(err.strip().splitlines()) == 1
+    assert err.startswith(f"{killed} (pid {pid}) was killed by SIGKILL at tick ")
+    assert f"; {survivor} reached its safe state; logs: {tmp_path}" in err
+    for name in ("plant", "controller"):
+        with hil.log.open(tmp_path / f"{name}.mcap") as log:
+            assert len(log.array("/timing")) > 100
+    assert summary_of(tmp_path)["verdict"] == "fault"
+
+
+@pytest.mark.parametrize("link", ["zenoh", "memory"])
+def test_an_interrupt_ends_all_in_order(tmp_path, link):
+    process = started(tmp_path, "--clock", "lockstep", "--link", link)
+    children = children_of(process.pid)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=40)
+    assert process.returncode == 130
+    assert err.strip() == f"interrupted; logs: {tmp_path}"
+    assert children
+    assert not any(Path(f"/proc/{pid}").exists() for pid in children.values())
+    with hil.log.open(tmp_path / "plant.mcap") as log:
+        assert log.metadata["recorder"]["end"] == "closed"
