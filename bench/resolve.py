@@ -65,20 +65,18 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     engine = engine_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:
-        tree["open_loop"]["fuel_kg"] = fixed_fuel_kg(scenario.plant, engine, tdc_m, load)
+        tree["open_loop"]["fuel_kg"] = fixed_fuel_kg(scenario.plant)
     _fill_preset(scenario, tree, engine, load)
 
 
-def fixed_fuel_kg(plant: PlantConfig, engine: Engine, tdc_m: float, load_n_s_m: float) -> float:
+def fixed_fuel_kg(plant: PlantConfig) -> float:
     """Return the fuel of open-loop operation where none is given.
 
-    The linear models of one engine share one figure, so that their motions can be compared. The
-    non-linear one would strike the head on it, and takes what its set point needs. The Beijing
-    engine runs at wide open throttle (thesis section 5.2), as far as an injector can feed it.
+    The models of one engine share one figure, so that their motions can be compared; on it the
+    non-linear one strikes the head. The Beijing engine runs at wide open throttle (thesis section
+    5.2), as far as an injector can feed it.
     """
     prototype = plant.resolved_prototype()
-    if plant.model == "nonlinear":
-        return _fuel_for_tdc(engine, tdc_m, load_n_s_m)
     if plant.prototype == "bit":
         return min(prototype.full_throttle_fuel_kg, prototype.fuel_max_kg)
     return NOMINAL_FUEL_KG
@@ -89,7 +87,7 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
     preset = tree["preset"]
     fuel_kg = preset["fuel_kg"]
     if fuel_kg is None and tree["name"] == "open-loop":
-        fuel_kg = tree["open_loop"]["fuel_kg"]
+        fuel_kg = _settling_fuel(engine, tree["open_loop"]["fuel_kg"], load)
     if fuel_kg is None:
         fuel_kg = _fuel_for_tdc(engine, tree["tdc_ref_m"], load)
     preset["fuel_kg"] = fuel_kg
@@ -102,6 +100,18 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
         preset["stroke_s"] = 0.5 / settled.frequency_hz
     if preset["fuel_per_speed_kg_s_m"] is None:
         preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
+
+
+def _settling_fuel(engine: Engine, fuel_kg: float, load: float) -> float | None:
+    """Return the fuel if the engine settles on it inside its stroke, else None.
+
+    An open-loop run on any other fuel begins at the set point and goes where that fuel takes it.
+    """
+    try:
+        inside = limit_cycle(engine, fuel_kg, load).tdc_m < engine.contact_m
+    except ConfigError:
+        return None
+    return fuel_kg if inside else None
 
 
 def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from controller.commands import OperatorCommand, parse
+from controller.memory import LoopMemory
 from controller.start_restart import Mode
 from controller.step import Inputs, Output, Params, State, StrokeReport, step
-from hil import topics
+from hil import snapshot, topics
 from hil.codec import Decoder, Encoder
 from hil.e2e import MAX_DELTA
 from hil.errors import ConfigError
@@ -23,6 +24,7 @@ _NAN: Final = float("nan")
 _NO_PULSES: Final = (0, 0, 0, 0)
 _COMMAND_EVERY: Final = 10
 _TICK_MODULO: Final = 1 << 32
+_NEVER: Final = 1 << 62
 _FAULT_MODES: Final = (Mode.SAFE,)
 _LARGEST_GAP_NS: Final = 60_000_000_000
 """A tick further ahead than this is no plant's that was only away for a while."""
@@ -44,6 +46,7 @@ class ControllerLoop:
         schedule: dict[int, OperatorCommand],
         status_every: int,
         peer_timeout_s: float,
+        snapshot_every: int = 0,
     ) -> None:
         self.params = params
         self.state = state
@@ -62,6 +65,9 @@ class ControllerLoop:
         self._slow = [0.0, 0.0, 0.0]  # electric power, pressure left and right, as last heard
         self._late = 0
         self._silent_turns = 0
+        self._snapshot_every = snapshot_every or _NEVER
+        self._demand = state.demand
+        self._heard = b""
         self._largest_gap = _LARGEST_GAP_NS // params.period_ns
 
     def turn(self, batch: bytes | None) -> None:
@@ -136,11 +142,13 @@ class ControllerLoop:
         if received is None:
             return None
         origin, raw = received
+        t_ns = tick * self.params.period_ns
+        self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
             return parse(raw, origin)
         except ConfigError as error:
-            t_ns = tick * self.params.period_ns
-            self._put(topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error)))
+            text = str(error)
+            self._heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", text)
             return None
 
     def _record(
@@ -174,10 +182,35 @@ class ControllerLoop:
             data += topics.FRAMES_SENT.pack(tick, t_ns, frames)
         if output.stroke is not None:
             data += _packed_stroke(tick, t_ns, output.stroke)
+        if self.state.demand is not self._demand:
+            self._demand = demand = self.state.demand
+            data += topics.DEMAND.pack(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
         for code, text in output.events:
             severity = topics.FAULT if self.state.mode in _FAULT_MODES else topics.INFO
             data += topics.EVENT.pack(tick, t_ns, severity, code, text)
+        if self._heard:
+            data += self._heard
+            self._heard = b""
+        if not missed and (tick + 1) % self._snapshot_every == 0:
+            text = snapshot.dumps(self.remember())
+            data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
         self._put(data)
+
+    def remember(self) -> LoopMemory:
+        """Return all that the next turn depends on besides its inputs."""
+        return LoopMemory(
+            self.tick, self.state, self._encoder.remember(), self.decoder.remember(),
+            self._last_sample, tuple(self._slow), self._late, self._silent_turns,
+        )  # fmt: skip
+
+    def recall(self, memory: LoopMemory) -> None:
+        """Go on from what `remember` returned."""
+        self.tick, self.state, sent, received, self._last_sample = memory[:5]
+        self._encoder.recall(sent)
+        self.decoder.recall(received)
+        self._slow = list(memory.slow)
+        self._late, self._silent_turns = memory.late, memory.silent_turns
+        self._demand = self.state.demand
 
     def _note(self, code: str, text: str, batch: bytes) -> None:
         """Frames that are logged and never acted on, such as those of a tick already stepped."""

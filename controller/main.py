@@ -27,6 +27,7 @@ from hil.ports import Recorder
 from hil.realtime import pin, prepare
 
 STATUS_HZ = 10
+SNAPSHOT_HZ = 4
 SAMPLE_PATIENCE_PERIODS = 1.5
 """How long a sample may be late before its tick is stepped without it."""
 
@@ -65,6 +66,7 @@ def make_loop(
         status=connection.status, commands=connection.commands, schedule=schedule_of(scenario),
         status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
         peer_timeout_s=scenario.loop.peer_timeout_s,
+        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from hil import messages as _messages
 from hil.e2e import MAX_DELTA, ReceptionCounts, counter_marks, crc_of
@@ -93,12 +93,9 @@ def _unpack_field(placed: Placed) -> list[str]:
 
 def _refusal(layout: Layout, placed: Placed, value: float) -> str:
     """What is wrong with a value: message, signal, value and range."""
-    low, high = placed.signal.raw_range
-    scale = placed.signal.scale
-    return (
-        f"{layout.name}.{placed.name} = {value!r}: accepted {low * scale:g} to {high * scale:g}"
-        f" {placed.signal.unit}".rstrip()
-    )
+    low, high = (raw * placed.signal.scale for raw in placed.signal.raw_range)
+    accepted = f"accepted {low:.10g} to {high:.10g} {placed.signal.unit}".rstrip()
+    return f"{layout.name}.{placed.name} = {value!r}: {accepted}"
 
 
 def _no_number(message: _messages.Message) -> str:
@@ -190,6 +187,22 @@ class Encoder:
         """Last counter by CAN identifier, -1 before the first frame."""
         return {stream.can_id: stream.counter for stream in self._streams.values()}
 
+    def remember(self) -> tuple[int, ...]:
+        """Return all that the next batch depends on besides its messages: the counters."""
+        return tuple(stream.counter for stream in self._streams.values())
+
+    def recall(self, counters: tuple[int, ...]) -> None:
+        """Go on from what `remember` returned."""
+        for stream, counter in zip(self._streams.values(), counters, strict=True):
+            stream.counter = counter
+
+
+class DecoderMemory(NamedTuple):
+    """What a decoder knows of the past: by message the last counter and bare word, and counts."""
+
+    streams: tuple[tuple[int, int], ...]
+    counts: ReceptionCounts
+
 
 class Decoder:
     """Batches to messages of one sender; nothing that fails protection or range comes through."""
@@ -251,6 +264,19 @@ class Decoder:
         """Accept any counter next: after a silence the sender may have been restarted."""
         for stream in self._streams.values():
             stream.counter = -1
+
+    def remember(self) -> DecoderMemory:
+        """Return all that decoding the next batch depends on."""
+        streams = tuple((stream.counter, stream.bare) for stream in self._streams.values())
+        return DecoderMemory(streams, self.counts())
+
+    def recall(self, memory: DecoderMemory) -> None:
+        """Go on from what `remember` returned."""
+        for stream, (counter, bare) in zip(self._streams.values(), memory.streams, strict=True):
+            stream.counter, stream.bare = counter, bare
+            stream.message = None if bare < 0 else stream.unpack(bare)
+        for name, count in memory.counts._asdict().items():
+            setattr(self, name, count)
 
     def counts(self) -> ReceptionCounts:
         """Return what was received so far, by verdict."""

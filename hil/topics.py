@@ -113,7 +113,7 @@ class Timing(Record):
         int, Field("int64", "monotonic clock from the start of the run: frames sent", "ns")
     ]
     used_tick: Annotated[
-        int, Field("int64", "tick of the peer's frames used in this tick, -1 none")
+        int, Field("int64", "tick of the peer's frames used in this tick, -1 none, -2 none yet")
     ]
     missed: Annotated[int, Field("uint8", "1: an overrun skipped this tick")]
 
@@ -138,6 +138,32 @@ class Frames(Record):
     ]
 
 
+class Demand(Record):
+    """What the piston-motion law asked for, in the tick in which it was worked out."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    fuel_kg: Annotated[float, Field("float64", "fuel for the next combustion", "kg")]
+    v_ref_m_s: Annotated[float, Field("float64", "set point of the mid-stroke speed", "m/s")]
+
+
+class Snapshot(Record):
+    """All that a process remembers at the start of a tick: a run can be resumed from it."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick that comes next")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    state: Annotated[str, Field("string", "JSON, every number exact")]
+
+
+class Command(Record):
+    """An operator's command as it came, in the tick in which it was taken."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    origin: Annotated[str, Field("string", "who sent it")]
+    data: Annotated[bytes, Field("uint8[]", "the command, JSON as it came")]
+
+
 SENSOR = Topic("/sensor", 1, Sensor)
 ACTUATOR = Topic("/actuator", 2, Actuator)
 STROKE = Topic("/stroke", 3, Stroke)
@@ -146,5 +172,11 @@ TIMING = Topic("/timing", 5, Timing)
 EVENT = Topic("/event", 6, Event)
 FRAMES_SENT = Topic("/frames/sent", 7, Frames)
 FRAMES_RECEIVED = Topic("/frames/received", 8, Frames)
+DEMAND = Topic("/demand", 9, Demand)
+SNAPSHOT = Topic("/snapshot", 10, Snapshot)
+COMMAND = Topic("/command", 11, Command)
 
-ALL = (SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED)
+ALL = (
+    SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
+    DEMAND, SNAPSHOT, COMMAND,
+)  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hil import topics
+from hil import snapshot, topics
 from hil.codec import Decoder, Encoder
 from hil.e2e import MAX_DELTA
 from hil.exchange import await_batch
@@ -26,12 +26,14 @@ from plant import events as codes
 from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.machine import MachineOrder
+from plant.memory import LoopMemory
 from plant.params import PlantParams
 from plant.sensors import Sample, electric_power_w, pressures_pa, sample
 from plant.state import Command, PlantState, truth
 from plant.step import step
 
 _NAN: Final = float("nan")
+_NEVER: Final = 1 << 62
 _POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
 _SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
 _NO_PULSES: Final = (0, 0, 0, 0)
@@ -57,16 +59,16 @@ class Measured(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What the controller's frames said: to which tick, and the bytes they came in."""
+    """What the controller's frames said: to which tick, and the batches they came in."""
 
     tick: int
     command: Command | None
-    frames: bytes
+    batches: tuple[bytes, ...]
     throttle: float = 1.0
 
 
-_NO_ANSWER: Final = Answer(-1, None, b"")
-_NOT_YET: Final = Answer(-1, Command(), b"")
+_NO_ANSWER: Final = Answer(-1, None, ())
+_NOT_YET: Final = Answer(-2, Command(), ())
 """Before the first answer nothing is missing: the plant goes on as it began."""
 
 _COMING_UP_NS: Final = 1_000_000_000
@@ -87,6 +89,7 @@ class PlantLoop:
         recorder: Recorder,
         status: StatusSink,
         status_every: int,
+        snapshot_every: int = 0,
     ) -> None:
         self.params = params
         self.state = state
@@ -105,6 +108,7 @@ class PlantLoop:
         self._answered_before = False
         self._silent_turns = 0
         self._throttle = 1.0
+        self._snapshot_every = snapshot_every or _NEVER
         self._measured = self._measure()
 
     def turn(self, tick: int) -> int:
@@ -124,10 +128,12 @@ class PlantLoop:
         answer = self._understand(arrived)
         before = self.state
         self.state, events = step(self.params, before, answer.command)
+        due = (slot.tick + 1) % self._snapshot_every == 0
+        memory = self.remember() if due else None
         self._measured = self._measure()
         if self._initial_events:
             self._initial_events, events = (), self._initial_events + events
-        self._record(slot, sent_ns, measured, answer, before, events)
+        self._record(slot, sent_ns, measured, answer, before, events, memory)
         if slot.tick % self._status_every == 0:
             self._tell(slot)
         return slot.tick + 1
@@ -190,15 +196,14 @@ class PlantLoop:
                 elif kind is Pulse:
                     pulses.append(PulseOrder(*message))
             pulses = _superseded(older, pulses)
-        frames = arrived[0] if len(arrived) == 1 else b"".join(arrived)
         if mode < 0:
-            return Answer(-1, None, frames)
+            return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
         self._answered_before = True
         self.answered += 1
         self._used_tick = tick
         command = Command(machine, tuple(pulses), mode in _FIRING_MODES)
-        return Answer(tick, command, frames, self._throttle)
+        return Answer(tick, command, tuple(arrived), self._throttle)
 
     def _unanswered(self) -> Answer:
         """Nothing came: not yet, while the controller is coming up, or no more."""
@@ -229,6 +234,7 @@ class PlantLoop:
         answer: Answer,
         before: PlantState,
         events: tuple[Event, ...],
+        memory: LoopMemory | None,
     ) -> None:
         """Hand the whole tick to the recorder, after everything that is in a hurry."""
         tick = slot.tick
@@ -242,12 +248,15 @@ class PlantLoop:
                 tick, t_ns, slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0
             )
         )
-        if answer.frames:
-            data += topics.FRAMES_RECEIVED.pack(tick, t_ns, answer.frames)
-            if answer.command is not None:
-                data += self._packed_command(tick, t_ns, answer)
+        for received in answer.batches:
+            data += topics.FRAMES_RECEIVED.pack(tick, t_ns, received)
+        if answer.batches and answer.command is not None:
+            data += self._packed_command(tick, t_ns, answer)
         if events:
             data += _packed_events(tick, t_ns, events)
+        if memory is not None:
+            next_ns = t_ns + self.params.period_ns
+            data += topics.SNAPSHOT.pack(tick + 1, next_ns, snapshot.dumps(memory))
         self._put(data)
 
     def _packed_command(self, tick: int, t_ns: int, answer: Answer) -> bytes:
@@ -262,6 +271,25 @@ class PlantLoop:
             tick, t_ns, answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m,
             answer.throttle, len(pulses), channels, opens, durations,
         )  # fmt: skip
+
+    def remember(self) -> LoopMemory:
+        """Return all that the next turn depends on besides its inputs."""
+        return LoopMemory(
+            self.state, self._encoder.remember(), self.decoder.remember(), self._first_tick,
+            self._used_tick, self.answered, self._answered_before, self.peer_lost,
+            self._silent_turns, self._throttle,
+        )  # fmt: skip
+
+    def recall(self, memory: LoopMemory) -> None:
+        """Go on from what `remember` returned."""
+        (
+            self.state, sent, received, self._first_tick, self._used_tick, self.answered,
+            self._answered_before, self.peer_lost, self._silent_turns, self._throttle,
+        ) = memory  # fmt: skip
+        self._encoder.recall(sent)
+        self.decoder.recall(received)
+        self._initial_events = ()
+        self._measured = self._measure()
 
     def _tell(self, slot: Slot) -> None:
         """Publish how the plant is."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params
 
 STATUS_HZ = 10
+SNAPSHOT_HZ = 4
 
 
 def make_params(scenario: Scenario) -> PlantParams:
@@ -61,6 +63,7 @@ def make_loop(scenario: Scenario, connection: Connection, recorder: Recorder) ->
     return PlantLoop(
         params, state, events, link=connection.link, pacer=make_pacer(scenario), recorder=recorder,
         status=connection.status, status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
+        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
     )  # fmt: skip
 
 
@@ -86,9 +89,11 @@ def run(scenario: Scenario, log: Path | None) -> int:
         note_granted(recorder, scenario, granted)
         connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
         tick, ticks = 0, ticks_of(scenario)
+        start_s = time.perf_counter()
         while tick < ticks and not stop.requested:
             tick = loop.turn(tick)
-        last_words({**facts(loop, connection, tick), "granted": granted})
+        loop_s = time.perf_counter() - start_s
+        last_words({**facts(loop, connection, tick), "granted": granted, "loop_s": loop_s})
     finally:
         connection.close()
         recorder.close()

@@ -36,7 +36,7 @@ Event = Annotated[PlantEvent | OperatorEvent, Field(discriminator="kind")]
 class Expectation(Section):
     """One thing that must hold; `after_s` counts from the event named by `event`, or from 0.
 
-    within_mm: every TDC from then on lies this close to its set point
+    within_mm: the first TDC after the last one farther off its set point comes by then
     peak_mm: no TDC error at all exceeds this, from then on
     mode: operating mode at the end
     at_rest: the piston's last speed is below 1 cm/s

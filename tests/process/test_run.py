@@ -109,7 +109,7 @@ def children_of(pid):
     return found
 
 
-@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+@pytest.mark.parametrize("clock", [pytest.param("lockstep", marks=pytest.mark.slow), "realtime"])
 @pytest.mark.parametrize(("killed", "survivor"), [("plant", "controller"), ("controller", "plant")])
 def test_a_killed_process_leaves_two_whole_logs_and_one_line(tmp_path, clock, killed, survivor):
     process = started(tmp_path, "--clock", clock)

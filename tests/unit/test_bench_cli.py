@@ -59,11 +59,19 @@ def test_help_is_there_at_once():
         (["plant", "--config", "/nowhere.toml"], "/nowhere.toml: No such file"),
     ],
 )
-def test_a_bad_argument_is_one_line_and_exit_2(arguments, told):
-    code, out, err = hil(*arguments)
-    assert (code, out) == (2, "")
+def test_a_bad_argument_is_one_line_and_exit_2(arguments, told, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["hil", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out) == (2, "")
     assert told in err.strip().splitlines()[-1]
-    assert "Traceback" not in err
+
+
+def test_the_command_itself_ends_without_a_traceback():
+    code, out, err = hil("run", "no-such")
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1
 
 
 def test_version_is_told():

@@ -1,0 +1,22 @@
+"""What the controller's loop remembers from one turn to the next, as a value."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from controller.step import State
+from hil.codec import DecoderMemory
+from hil.messages import PistonSample
+
+
+class LoopMemory(NamedTuple):
+    """The state of the layers, and of what is around them: codec, last sample, silence."""
+
+    tick: int
+    state: State
+    sent: tuple[int, ...]
+    received: DecoderMemory
+    last_sample: PistonSample
+    slow: tuple[float, ...]
+    late: int
+    silent_turns: int

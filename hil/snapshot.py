@@ -1,0 +1,180 @@
+"""States as text and back, exactly: what a log needs so that a run can be resumed from it.
+
+A state is a tree of NamedTuples of numbers; its text is JSON, in which a float is the shortest
+decimal that reads back as the same 64 bits. The classes are not in the text: they are those of
+the type hints, so nothing in a file decides what is built from it. Only where a hint leaves a
+choice (a union, Any) is the class named, and then it must be a NamedTuple already loaded.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import types
+from collections.abc import Callable
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+from hil.errors import LogError
+
+_SCALARS = (bool, int, float, str, type(None))
+_named_tuple_fields = "_fields"
+
+
+class _Form(NamedTuple):
+    """How a hint is written and read; None where the JSON value is the value itself."""
+
+    write: Callable[[Any], Any] | None
+    read: Callable[[Any], Any] | None
+
+
+_AS_IS = _Form(None, None)
+
+
+def dumps(state: Any) -> str:  # noqa: ANN401
+    """Return a NamedTuple as text.
+
+    Raises: TypeError when a field is of a kind that cannot be written exactly
+    """
+    form = _form(type(state))
+    return json.dumps(state if form.write is None else form.write(state), separators=(",", ":"))
+
+
+def loads(kind: type[Any], text: str) -> Any:  # noqa: ANN401
+    """Return the state of that class that the text holds.
+
+    Raises: LogError when the text is of another class, or of one that has changed since
+    """
+    form = _form(kind)
+    try:
+        tree = json.loads(text)
+        return tree if form.read is None else form.read(tree)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        why = str(error) or type(error).__name__
+        raise LogError(f"a snapshot that is no {kind.__name__} of today: {why}") from None
+
+
+@lru_cache(maxsize=None)
+def _form(hint: Any) -> _Form:  # noqa: ANN401
+    """Return how values of a hint are written and read."""
+    if hint in _SCALARS:
+        return _AS_IS
+    if hint is Any:
+        return _Form(_write_any, _read_any)
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        return _union(get_args(hint))
+    if origin is tuple:
+        return _tuple(get_args(hint))
+    if isinstance(hint, type) and issubclass(hint, IntEnum):
+        return _Form(None, hint)
+    if _is_named_tuple(hint):
+        return _named(hint)
+    raise TypeError(f"{hint} has no exact text: numbers, strings, tuples and NamedTuples have")
+
+
+def _is_named_tuple(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, _named_tuple_fields)
+
+
+def _named(kind: Any) -> _Form:  # noqa: ANN401
+    """A NamedTuple: the list of its fields."""
+    hints = get_type_hints(kind)
+    names: tuple[str, ...] = kind._fields
+    forms = [_form(hints[name]) for name in names]
+    writers = [(i, form.write) for i, form in enumerate(forms) if form.write is not None]
+    readers = [form.read for form in forms]
+
+    def write(value: Any) -> list[Any]:  # noqa: ANN401
+        fields = list(value)
+        for place, writer in writers:
+            fields[place] = writer(fields[place])
+        return fields
+
+    def read(tree: Any) -> Any:  # noqa: ANN401
+        if not isinstance(tree, list) or len(tree) != len(names):
+            raise ValueError(f"{kind.__name__} has the fields {', '.join(names)}")
+        return kind(*(v if r is None else r(v) for r, v in zip(readers, tree, strict=True)))
+
+    return _Form(write if writers else None, read)
+
+
+def _tuple(arguments: tuple[Any, ...]) -> _Form:
+    """A plain tuple, of one kind of item or of a fixed row of kinds."""
+    if len(arguments) == 2 and arguments[1] is Ellipsis:
+        item = _form(arguments[0])
+        write, read = item
+        return _Form(
+            None if write is None else lambda value: [write(v) for v in value],
+            tuple if read is None else lambda tree: tuple(read(v) for v in tree),
+        )
+    forms = [_form(argument) for argument in arguments]
+    writers, readers = [f.write for f in forms], [f.read for f in forms]
+    return _Form(
+        lambda value: _each(writers, value) if any(writers) else value,
+        lambda tree: tuple(_each(readers, tree)),
+    )
+
+
+def _each(functions: list[Callable[[Any], Any] | None], values: Any) -> list[Any]:  # noqa: ANN401
+    pairs = zip(functions, values, strict=True)
+    return [value if function is None else function(value) for function, value in pairs]
+
+
+def _union(arguments: tuple[Any, ...]) -> _Form:
+    """One of several: told by None or a plain value, else by the name of the class."""
+    kinds = [a for a in arguments if a not in _SCALARS]
+    if not kinds:
+        return _AS_IS
+    if len(kinds) > 1 or len(kinds) + (type(None) in arguments) < len(arguments):
+        return _choice({kind.__name__: kind for kind in kinds if _is_named_tuple(kind)}, kinds)
+    write, read = _form(kinds[0])
+    return _Form(
+        None if write is None else lambda value: None if value is None else write(value),
+        None if read is None else lambda tree: None if tree is None else read(tree),
+    )
+
+
+def _choice(named: dict[str, Any], kinds: list[Any]) -> _Form:
+    """Several NamedTuples: {name: fields}."""
+    if len(named) != len(kinds):
+        raise TypeError(f"a choice of {kinds} has no exact text")
+    forms = {name: _form(kind) for name, kind in named.items()}
+
+    def write(value: Any) -> Any:  # noqa: ANN401
+        name = type(value).__name__
+        if name not in forms:
+            return value
+        writer = forms[name].write
+        return {name: value if writer is None else writer(value)}
+
+    def read(tree: Any) -> Any:  # noqa: ANN401
+        if not isinstance(tree, dict):
+            return tree
+        ((name, fields),) = tree.items()
+        reader = forms[name].read
+        return fields if reader is None else reader(fields)
+
+    return _Form(write, read)
+
+
+def _write_any(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, _SCALARS) and not isinstance(value, IntEnum):
+        return value
+    kind = type(value)
+    writer = _form(kind).write
+    name = f"{kind.__module__}:{kind.__qualname__}"
+    return {name: value if writer is None else writer(value)}
+
+
+def _read_any(tree: Any) -> Any:  # noqa: ANN401
+    if not isinstance(tree, dict):
+        return tree
+    ((name, fields),) = tree.items()
+    module, _, qualified = name.partition(":")
+    kind = getattr(sys.modules.get(module), qualified, None)
+    if not (_is_named_tuple(kind) or (isinstance(kind, type) and issubclass(kind, IntEnum))):
+        raise ValueError(f"{name} is no state of today")
+    reader = _form(kind).read
+    return fields if reader is None else reader(fields)

@@ -1,0 +1,133 @@
+"""Where each quantity stands in the arrays that the compiled step works on.
+
+y: what is integrated; d: what changes at events; p: what is constant in a run.
+Cylinder 0 is the left one, 1 the right; quantities of a cylinder stand at base + stride * cylinder.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# --- y: motion, gas, circuit ---------------------------------------------------------------
+X, V = 0, 1
+U, M, GAS_STRIDE = 2, 3, 2
+"""Internal energy [J] and mass [kg] of the gas: 2, 3 left cylinder, 4, 5 right."""
+CASE_U, CASE_M = 6, 7
+"""The same of the scavenging pumps: 6, 7 under the left piston, 8, 9 under the right."""
+CURRENT, CHARGE = 10, 11
+
+# --- y: integrals, for the balances (per cylinder, then of the whole engine) ------------------
+SUM, SUM_STRIDE = 12, 9
+Q_FUEL, Q_WALL, W_GAS, H_IN, H_EX, H_LEAK, M_IN, M_EX, M_LEAK = range(9)
+(W_GENERATED, W_MOTORED, W_FRICTION, H_REED, M_REED, H_CASE, M_CASE, W_CASE) = range(30, 38)
+"""H_CASE, M_CASE: what the pumps have given to the cylinders, net."""
+N_Y: Final = 38
+
+# --- d: events and orders ------------------------------------------------------------------
+(
+    T,  # time since the start of the run [s]
+    DIRECTION,  # +1, -1, or 0 at rest
+    PHASE,  # row of the programme
+    NEXT,  # next entry of that row
+    HEAT,  # 130 hk 1e5^-0.8 (v_p + 1.4)^0.8, renewed at dead centres (eq. 3.18)
+    LOAD,  # load coefficient in force [N s/m]
+    FORCE,  # machine force in force [N]
+    DC_NUMBER,
+    DC_T,
+    DC_X,
+    V_MAX,  # greatest speed since the last dead centre
+    CONTACTS,
+    ROWS,  # rows of the record that have been written
+    STOPPED_AT,  # why `advance` has returned: 0 time is up, 1 dead centre, 2 contact
+    ENERGY,  # energy that the next ignition by position releases [J]
+    LOAD_SCALE,
+    FORCE_LIMIT,
+) = range(17)
+CYL, CYL_STRIDE = 17, 8
+(
+    INTAKE,  # 1 open
+    EXHAUST,
+    SPARK_T,  # start of the heat release; NEVER when there is none
+    Q_IN,  # its energy [J]
+    P_MAX,  # greatest pressure since the cylinder's last bottom dead centre
+    P_OLD,  # pressure and its rate at the start of the step before
+    DP_OLD,
+    P_MAX_T,
+) = range(8)
+N_D: Final = CYL + 2 * CYL_STRIDE
+NEVER: Final = 1.0e30
+
+# --- p: constants --------------------------------------------------------------------------
+(
+    GAMMA,
+    R_GAS,
+    MASS,
+    P_AMBIENT,
+    T_AMBIENT,
+    HOHENBERG,  # 130 hk 1e5^-0.8
+    RING,  # f A_f (1 - B_f (E - theta0)/theta0) d/d0 (eq. 3.4)
+    RING_PRESSURE,  # K_v / p_0 [1/Pa]
+    F_MACHINE,  # F_fm [N]
+    WIEBE_A,
+    WIEBE_B,
+    BURN_S,
+    STEP_S,
+    CRITICAL,  # [2/(gamma+1)]^(gamma/(gamma-1))
+    CHOKED,  # gamma^0.5 (2/(gamma+1))^((gamma+1)/(2(gamma-1)))
+    SUBSONIC,  # sqrt(2 gamma/(gamma-1))
+    SMALL,  # pressure differences below this share of p_u flow as a cubic, not as a root
+    CUBIC_1,
+    CUBIC_3,
+    PUMP,  # 1: scavenging pumps under the pistons
+    CASE_VOLUME,  # of a pump at mid-stroke [m3]
+    CASE_AREA,
+    CASE_REED,  # C_d A of its inlet [m2]
+    CIRCUIT,  # 0: load constant (3.56); 1: circuit with inductance (3.54)
+    K_FORCE,
+    K_EMF,
+    RESISTANCE,
+    INDUCTANCE,
+    INV_CAPACITANCE,
+    POLE_PITCH,  # 0: thrust constant everywhere; else K cos(pi x / tau) (3.50, 3.51)
+    SPRING,  # mechanical spring [N/m], at rest at SPRING_X
+    SPRING_X,
+    CONTACT_GAP,
+    RESTITUTION,
+) = range(34)
+CYL_P, CYL_P_STRIDE = 34, 14
+(
+    SIGN,  # gap = LENGTH + SIGN x
+    AREA,
+    LENGTH,
+    END_AREA,  # piston crown and head [m2]
+    PERIMETER,
+    T_WALL,
+    CDA_IN,
+    CDA_EX,
+    CDA_LEAK,
+    P_IN,
+    T_IN,
+    P_EX,
+    T_EX,
+    WALL,  # share of the wall that takes up heat; 0 for an adiabatic gas spring
+) = range(14)
+N_P: Final = CYL_P + 2 * CYL_P_STRIDE
+
+# --- the programme: what happens at which position of which stroke -------------------------
+(
+    DO_NOTHING,
+    OPEN_INTAKE,
+    CLOSE_INTAKE,
+    OPEN_EXHAUST,
+    CLOSE_EXHAUST,
+    IGNITE,
+    MOTOR,
+    GENERATE,
+) = range(8)
+"""Actions on a cylinder are the code + 100 * cylinder."""
+BY_CYLINDER: Final = 100
+
+# --- the record: one row a dead centre -----------------------------------------------------
+(REC_T, REC_X, REC_PHASE, REC_V_MAX, REC_P_LEFT, REC_P_RIGHT, REC_SUMS) = range(7)
+N_REC: Final = REC_SUMS + N_Y
+TIME_UP, DEAD_CENTRE, CONTACT = 0, 1, 2

@@ -1,0 +1,23 @@
+"""What the plant's loop remembers from one turn to the next, as a value."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hil.codec import DecoderMemory
+from plant.state import PlantState
+
+
+class LoopMemory(NamedTuple):
+    """The state of the engine, and of what is around it: codec, answers, silence."""
+
+    state: PlantState
+    sent: tuple[int, ...]
+    received: DecoderMemory
+    first_tick: int
+    used_tick: int
+    answered: int
+    answered_before: bool
+    peer_lost: bool
+    silent_turns: int
+    throttle: float

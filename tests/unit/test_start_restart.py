@@ -1,0 +1,67 @@
+"""The mode table, row by row."""
+
+from itertools import product
+
+import pytest
+
+from controller.start_restart import RULES, Facts, Mode, Rule, next_mode
+
+OFF, MOTORING, GENERATING, STOPPING, SAFE = Mode
+
+ROWS = [
+    ("sample lost", {MOTORING, GENERATING, STOPPING}, {"sample_stale": True}, SAFE),
+    ("piston beyond its limit", {MOTORING, GENERATING}, {"beyond_limit": True}, SAFE),
+    ("too many misfires", {MOTORING, GENERATING}, {"misfires_exhausted": True}, SAFE),
+    ("motoring did not reach the amplitude", {MOTORING}, {"motoring_too_long": True}, SAFE),
+    ("stop requested", {MOTORING, GENERATING}, {"stop_requested": True}, STOPPING),
+    ("piston at rest", {STOPPING}, {"at_rest": True}, OFF),
+    ("start requested", {OFF, SAFE, STOPPING}, {"start_requested": True}, MOTORING),
+    ("first combustion", {MOTORING}, {"fired": True}, GENERATING),
+    ("misfire", {GENERATING}, {"misfired": True}, MOTORING),
+]
+
+
+@pytest.mark.parametrize(("name", "sources", "facts", "target"), ROWS, ids=[r[0] for r in ROWS])
+def test_row_leads_from_its_modes_and_from_no_other(name, sources, facts, target):
+    for mode in Mode:
+        expected = (target, name) if mode in sources else (mode, "")
+        assert next_mode(mode, Facts(**facts)) == expected
+
+
+def test_the_rows_above_are_the_whole_table():
+    assert [rule.name for rule in RULES] == [row[0] for row in ROWS]
+    assert all(isinstance(rule, Rule) for rule in RULES)
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_nothing_happens_without_a_reason(mode):
+    assert next_mode(mode, Facts()) == (mode, "")
+
+
+def test_every_mode_can_be_reached_from_off():
+    reached = {OFF}
+    for _ in Mode:
+        reached |= {rule.target for rule in RULES if rule.sources & reached}
+    assert reached == set(Mode)
+
+
+def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing_else():
+    names = Facts._fields
+    for values in product((False, True), repeat=len(names)):
+        facts = Facts(*values)
+        mode, rule = next_mode(SAFE, facts)
+        if facts.start_requested and not facts.sample_stale:
+            assert (mode, rule) == (MOTORING, "start requested")
+        else:
+            assert (mode, rule) == (SAFE, "")
+
+
+@pytest.mark.parametrize("mode", [MOTORING, GENERATING])
+@pytest.mark.parametrize(
+    "danger",
+    [{"sample_stale": True}, {"beyond_limit": True}, {"misfires_exhausted": True}],
+    ids=lambda danger: next(iter(danger)),
+)
+def test_danger_comes_before_wishes(mode, danger):
+    facts = Facts(start_requested=True, stop_requested=True, fired=True, misfired=True)
+    assert next_mode(mode, facts._replace(**danger))[0] is SAFE
