@@ -21,6 +21,12 @@ _SIGNS = {OK: ("✓", "green"), WORTH_KNOWING: ("•", "yellow"), MISSING: ("✗
 _AF_CAN, _RAW, _CAN_RAW = 29, 3, 1
 
 
+_CPUS = Path("/sys/devices/system/cpu")
+_THROTTLING = tuple(
+    Path("/proc/sys/kernel") / f"sched_rt_{what}_us" for what in ("runtime", "period")
+)
+
+
 class Finding(NamedTuple):
     """One thing looked at: how it stands, in words, and the command that mends it."""
 
@@ -103,6 +109,50 @@ def processors() -> Finding:
     return Finding("processors", WORTH_KNOWING if count >= 2 else MISSING, text)
 
 
+def isolation() -> Finding:
+    """Whether a core is kept free of everything that was not put there."""
+    try:
+        isolated = (_CPUS / "isolated").read_text().strip()
+    except OSError:
+        return Finding("isolated cores", WORTH_KNOWING, "not told by this kernel")
+    if isolated:
+        return Finding("isolated cores", OK, f"{isolated}: give one to realtime.cpu")
+    last = (os.cpu_count() or 1) - 1
+    if last < 1:
+        return Finding("isolated cores", WORTH_KNOWING, "none, and only one to have")
+    text = "none: anything may run between two ticks"
+    kernel = f"isolcpus=managed_irq,domain,{last} nohz_full={last} rcu_nocbs={last}"
+    mend = f"add to GRUB_CMDLINE_LINUX in /etc/default/grub: {kernel}, then update-grub and reboot"
+    return Finding("isolated cores", WORTH_KNOWING, text, mend)
+
+
+def governor() -> Finding:
+    """Whether the cores keep their speed while they wait for the next tick."""
+    found = {path.read_text().strip() for path in _CPUS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
+    if not found:
+        return Finding("governor", OK, "none: the cores' speed is fixed, or not ours to set")
+    if found == {"performance"}:
+        return Finding("governor", OK, "performance")
+    text = f"{', '.join(sorted(found))}: a core may have to speed up within a tick"
+    mend = "echo performance | tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
+    return Finding("governor", WORTH_KNOWING, text, mend)
+
+
+def throttling() -> Finding:
+    """Whether the kernel takes the processor from real-time loops once a second."""
+    try:
+        runtime_us, period_us = (int(path.read_text()) for path in _THROTTLING)
+    except (OSError, ValueError):
+        return Finding("throttling", WORTH_KNOWING, "not told by this kernel")
+    if runtime_us < 0 or runtime_us >= period_us:
+        return Finding("throttling", OK, "off")
+    share = 100 * runtime_us // period_us
+    text = (
+        f"real-time threads get at most {share} % of {period_us // 1000} ms; loops stay far below"
+    )
+    return Finding("throttling", OK, text)
+
+
 def priority() -> Finding:
     """Whether this user may ask for real-time priority."""
     if os.geteuid() == 0:
@@ -150,7 +200,8 @@ def _is_can(name: str) -> bool:
 
 
 LOOKS: tuple[Callable[[], Finding], ...] = (
-    python, packages, desk, processors, kernel, clock_source, priority, locked_memory, can_bus
+    python, packages, desk, processors, kernel, isolation, governor, clock_source, throttling,
+    priority, locked_memory, can_bus,
 )  # fmt: skip
 
 

@@ -8,6 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from bench import bench_cli, bus_cli, control_cli, engine_cli, status_cli
+from bench.log_cli import register as register_logs
+
 app = typer.Typer(
     name="hil",
     help="Hardware-in-the-loop bench for a free-piston engine generator.",
@@ -60,6 +63,15 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Directory of logs, summary and report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    log_segment: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
+    ] = None,
+    log_retain: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
+    ] = None,
+    can_log: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
+    ] = None,
     assignments: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),
@@ -79,9 +91,10 @@ def run(
         "plant.model": model,
         "controller.name": controller,
         "run.seed": seed,
+        **commands.log_flags(log_segment, log_retain),
     }
     changes = commands.overrides(flags, assignments or [])
-    options = commands.RunOptions(out, not no_report, force)
+    options = commands.RunOptions(out, not no_report, force, can_log)
     raise typer.Exit(commands.run(scenario, changes, options))
 
 
@@ -134,6 +147,14 @@ def check() -> None:
     from bench.check import look_around
 
     raise typer.Exit(look_around())
+
+
+register_logs(app)
+status_cli.register(app)
+bench_cli.register(app)
+control_cli.register(app)
+bus_cli.register(app)
+engine_cli.register(app)
 
 
 def main() -> None:

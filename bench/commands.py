@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,12 +10,13 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from bench import closing, outdir, scenarios, summary
+from bench import bus_commands, can_log, closing, outdir, scenarios, summary
 from bench.figures import RunData, read_run
 from bench.outdir import RunFiles
 from bench.progress import view_for
 from bench.resolve import resolve
 from bench.run import INTERRUPTED, Ended, execute
+from bench.text import size_of
 from drivers.process import read_scenario
 from hil.config.load import parse_assignment
 from hil.config.scenario import Scenario
@@ -27,12 +29,30 @@ class RunOptions(NamedTuple):
     out: Path | None
     report: bool
     force: bool
+    can_log: Path | None = None
 
 
 def overrides(flags: dict[str, Any], assignments: list[str]) -> list[tuple[str, Any]]:
     """Return the overrides of a run: the flags that were given, then --set in its order."""
     given = [(key, value) for key, value in flags.items() if value is not None]
     return given + [parse_assignment(text) for text in assignments]
+
+
+def log_flags(segment: str | None, retain: str | None) -> dict[str, Any]:
+    """Return what --log-segment and --log-retain set.
+
+    Raises: ConfigError naming what is accepted
+    """
+    flags: dict[str, Any] = {}
+    if segment is not None:
+        seconds = re.fullmatch(r"([0-9.]+)\s*s", segment)
+        if seconds:
+            flags["log.segment_s"] = float(seconds[1])
+        else:
+            flags["log.segment_bytes"] = size_of(segment, "--log-segment")
+    if retain is not None:
+        flags["log.retain_bytes"] = size_of(retain, "--log-retain")
+    return flags
 
 
 def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
@@ -44,6 +64,8 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
         raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
     scenario = scenarios.read(name, changes)
     resolve(scenario)  # before anything is made on the disk
+    if options.can_log is not None:
+        can_log.check_name(options.can_log)
     files = outdir.prepare(scenario.name, options.out, force=options.force)
     console = Console(highlight=False)
     with view_for(scenario, console) as view:
@@ -51,10 +73,14 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     if isinstance(ended.error, ConfigError):
         raise ended.error
     told = _conclude(resolved, ended, files, report=options.report)
+    if options.can_log is not None and files.plant_log.exists():
+        bus_commands.write_can_log(options.can_log, resolved, files, ended.started)
     if told["verdict"] == "fault":
         print(told["exit_reason"], file=sys.stderr)
     else:
         closing.show(console, told, files.report if options.report else None, files.directory)
+        if "bus" in told["run"]:
+            console.print(bus_commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
     return int(told["exit_code"])
 
 
@@ -79,6 +105,8 @@ def _conclude(
         return told
     if ended.error is None:
         facts |= _cut_short(data)
+    if scenario.link.kind == "can":
+        facts["bus"] = bus_commands.figures(scenario, files)
     told = summary.summarise(data, facts)
     summary.write(told, files.summary)
     if report and ended.exit_code != INTERRUPTED and len(data.strokes.t_ns):
@@ -89,9 +117,12 @@ def _conclude(
 def _cut_short(data: RunData) -> dict[str, Any]:
     """A run that was ended from outside is no run that met its expectations."""
     wanted = round(data.scenario.run.duration_s * data.scenario.loop.rate_hz)
-    if data.truth.ticks >= wanted:
+    ticks = data.truth.ticks
+    if data.scenario.log.retain_bytes is not None:  # earlier ticks may be gone, and on purpose
+        ticks = round(data.truth.end_ns * 1e-9 * data.scenario.loop.rate_hz) + 1
+    if ticks >= wanted:
         return {}
-    line = f"the plant's log ends after {data.truth.ticks} of {wanted} ticks"
+    line = f"the plant's log ends after {ticks} of {wanted} ticks"
     return {"error": line, "exit_code": RunError.exit_code}
 
 

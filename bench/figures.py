@@ -44,7 +44,10 @@ class RunData(NamedTuple):
     @property
     def strokes(self) -> Strokes:
         """Every dead centre of the run."""
-        return self.truth.strokes
+        strokes, fires = self.truth.strokes, self.scenario.controller.timing.fires
+        if all(fires):
+            return strokes
+        return strokes.part(np.resize(np.array(fires), len(strokes.t_ns)))
 
     def instant_ns(self, name: str | None) -> int | None:
         """Return when a named event acted, 0 without a name, None when it did not act."""

@@ -6,6 +6,7 @@ what tuning and comparisons run thousands of times.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import controller.main
@@ -18,7 +19,7 @@ from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.initial import initial_state
 from plant.machine import MachineOrder
-from plant.sensors import sample
+from plant.sensors import electric_power_w, sample
 from plant.state import Command, DeadCentre
 from plant.step import step
 
@@ -49,12 +50,13 @@ def simulate(scenario: Scenario) -> Course:
     command: Command = Command()
     for tick in range(plant.main.ticks_of(scenario)):
         sensed = PistonSample(*sample(params, state))
+        power_w = math.nan if tick & 1 else float(round(electric_power_w(state)))
         before = state.dead_centre.number
         state, events = step(params, state, command)
         course.events.extend(events)
         if state.dead_centre.number != before:
             course.dead_centres.append(state.dead_centre)
-        inputs = control.Inputs(tick, sensed, schedule.get(tick))
+        inputs = control.Inputs(tick, sensed, schedule.get(tick), power_w)
         mind, output = control.step(law, mind, inputs)
         command = _command_of(output)
     return course._replace(mode=mind.mode.name.lower())

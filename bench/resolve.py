@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from bench import engine_defaults
 from controller.supervisory import target_load
 from hil.config.load import describe
 from hil.config.plant import PlantConfig
@@ -33,10 +34,18 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
         leaves the endpoints as they are
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
+    if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
+        raise ConfigError(
+            f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"
+            " centres only; accepted there are the other controllers"
+        )
     tree = scenario.model_dump()
-    prototype = _prototype(scenario)
-    tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
-    _fill_controller(scenario, prototype, tree["controller"])
+    if engine_defaults.is_detailed(scenario):
+        engine_defaults.fill(scenario, tree)
+    else:
+        prototype = _prototype(scenario)
+        tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
+        _fill_controller(scenario, prototype, tree["controller"])
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -40,7 +41,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
             scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
         )
         assert isinstance(plant_end.link, MemoryLink)
-        plant_end.link.on_send = _turn_of(controller_loop, controller_end.link)
+        plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
         for name, end in (("plant", plant_end), ("controller", controller_end)):
             assert isinstance(end.status, MemoryStatus)
             end.status.on_publish = _tell_of(name)
@@ -51,8 +52,9 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
             tick = plant_loop.turn(tick)
         loop_s = time.perf_counter() - start_s
     finally:
-        for recorder in recorders:
-            recorder.close()
+        with contextlib.ExitStack() as closing:  # each is closed, whatever another one says
+            for recorder in recorders:
+                closing.callback(recorder.close)
     last_words(
         {
             "plant": plant.main.facts(plant_loop, plant_end, tick),
@@ -80,7 +82,7 @@ def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:
     return tell
 
 
-def _turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:
+def turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:
     """The controller's turn, for the memory link to run at the end of the plant's send."""
 
     def turn() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
+from hil.config.controller import ControllerName
 from hil.errors import ConfigError
 
-KINDS = ("start", "stop", "set-point")
+KINDS = ("start", "stop", "set-point", "law")
+LAW_NAMES = get_args(ControllerName)
 _NUMBERS = {"tdc_ref_m": (0.001, 0.05), "target_power_w": (0.0, 10_000.0)}
 
 
@@ -18,6 +20,14 @@ class OperatorCommand(NamedTuple):
     tdc_ref_m: float | None = None
     target_power_w: float | None = None
     origin: str = "scenario"
+    law: str | None = None
+
+    def describe(self) -> str:
+        """What was commanded, in one line."""
+        numbers = {"tdc_ref_m": self.tdc_ref_m, "target_power_w": self.target_power_w}
+        words = [f"{name}={value:g}" for name, value in numbers.items() if value is not None]
+        law = [] if self.law is None else [f"law={self.law}"]
+        return " ".join([self.kind, *words, *law, f"from {self.origin}"])
 
 
 def parse(raw: bytes, origin: str) -> OperatorCommand:
@@ -31,11 +41,11 @@ def parse(raw: bytes, origin: str) -> OperatorCommand:
         raise ConfigError(f"command from {origin}: not JSON") from None
     if not isinstance(fields, dict) or fields.get("kind") not in KINDS:
         raise ConfigError(f"command from {origin}: kind must be one of {', '.join(KINDS)}")
-    unknown = set(fields) - {"kind", *_NUMBERS}
+    unknown = set(fields) - {"kind", "law", *_NUMBERS}
     if unknown:
         raise ConfigError(
             f"command from {origin}: unknown key {sorted(unknown)[0]!r};"
-            f" accepted: kind, {', '.join(_NUMBERS)}"
+            f" accepted: kind, law, {', '.join(_NUMBERS)}"
         )
     numbers = {key: _number(fields, key, origin) for key in _NUMBERS}
     given = any(value is not None for value in numbers.values())
@@ -43,7 +53,21 @@ def parse(raw: bytes, origin: str) -> OperatorCommand:
         raise ConfigError(
             f"command from {origin}: {', '.join(_NUMBERS)} belong to set-point, and only there"
         )
-    return OperatorCommand(fields["kind"], origin=origin, **numbers)
+    return OperatorCommand(fields["kind"], origin=origin, law=_law(fields, origin), **numbers)
+
+
+def _law(fields: dict[str, object], origin: str) -> str | None:
+    """The law's name, which belongs to `law` and only there."""
+    name = fields.get("law")
+    if (fields["kind"] == "law") != (name is not None):
+        raise ConfigError(f"command from {origin}: law belongs to kind law, and only there")
+    if name is None:
+        return None
+    if name not in LAW_NAMES:
+        raise ConfigError(
+            f"command from {origin}: law = {name!r}; accepted: {', '.join(LAW_NAMES)}"
+        )
+    return str(name)
 
 
 def _number(fields: dict[str, object], key: str, origin: str) -> float | None:

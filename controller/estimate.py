@@ -123,7 +123,7 @@ def dead_centre_between(
     j s^3 / 12, under 4 um for a tick of 1 ms in the worst excitation, and noise is not amplified.
     """
     h = (t2_ns - t1_ns) * 1e-9
-    s = (x2 - x1 - 0.5 * v2 * h) / (0.5 * (v1 - v2))
+    s = 2.0 * (x2 - x1 - 0.5 * v2 * h) / (v1 - v2)
     s = min(max(s, 0.0), h)
     return t1_ns + round(s * 1e9), x1 + 0.5 * v1 * s
 
@@ -133,7 +133,7 @@ def crossing_between(
 ) -> tuple[int, float]:
     """Instant and velocity of the pass through x = 0 between two samples.
 
-    Cubic Hermite interpolation of both samples; Newton's method from the secant.
+    Cubic Hermite interpolation of both samples; Newton's method from the secant, kept between them.
     """
     h = (t2_ns - t1_ns) * 1e-9
     d = (x2 - x1) / h
@@ -141,13 +141,12 @@ def crossing_between(
         return t2_ns, v2
     c2 = (3.0 * d - 2.0 * v1 - v2) / h
     c3 = (v1 + v2 - 2.0 * d) / (h * h)
-    s = -x1 / d
+    s = min(max(-x1 / d, 0.0), h)
     for _ in range(3):
         slope = v1 + s * (2.0 * c2 + 3.0 * c3 * s)
         if slope == 0.0:
             break
-        s -= (x1 + s * (v1 + s * (c2 + c3 * s))) / slope
-    s = min(max(s, 0.0), h)
+        s = min(max(s - (x1 + s * (v1 + s * (c2 + c3 * s))) / slope, 0.0), h)
     return t1_ns + round(s * 1e9), v1 + s * (2.0 * c2 + 3.0 * c3 * s)
 
 

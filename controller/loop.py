@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from controller.commands import OperatorCommand, parse
 from controller.memory import LoopMemory
+from controller.plausibility import CLEAR, judge
 from controller.start_restart import Mode
 from controller.step import Inputs, Output, Params, State, StrokeReport, step
 from hil import snapshot, topics
@@ -63,7 +64,10 @@ class ControllerLoop:
         self.decoder = Decoder("plant")
         self._last_sample = PistonSample(0.0, 0.0)
         self._slow = [0.0, 0.0, 0.0]  # electric power, pressure left and right, as last heard
-        self._late = 0
+        self._power = _NAN  # of this tick's frames
+        self.late = 0
+        self.out_of_step = self.implausible = 0  # samples that were intact and not used
+        self._credence = CLEAR
         self._silent_turns = 0
         self._snapshot_every = snapshot_every or _NEVER
         self._demand = state.demand
@@ -82,7 +86,7 @@ class ControllerLoop:
             self._pacer.start(tick)
             expected = tick
         if 0 <= tick < expected:
-            self._late += 1
+            self.late += 1
             text = f"sample of tick {tick} came after tick {self.tick} was answered without it"
             self._note("sample-late", text, batch or b"")
             return
@@ -99,13 +103,30 @@ class ControllerLoop:
             return -1, None
         self._silent_turns = 0
         tick, sample = -1, None
+        self._power = _NAN
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
                 tick = self._whole_tick(message.tick)
                 self._slow[message.slow] = message[3 + message.slow]
+                self._power = message.electric_power_w
             elif type(message) is PistonSample:
                 sample = message
-        return tick, sample if tick >= 0 else None
+        if sample is None or tick < 0:
+            return tick, None
+        return tick, sample if tick <= self.tick or self._is_believed(tick, sample) else None
+
+    def _is_believed(self, tick: int, sample: PistonSample) -> bool:
+        """Whether an intact sample is of the tick of its head, and can follow the last one."""
+        if not self.decoder.in_step():
+            self.out_of_step += 1
+            return False
+        motion = self.state.motion
+        self._credence, believed = judge(
+            self._credence, motion.t_ns, motion.x_m, motion.v_m_s,
+            tick * self.params.period_ns, sample.x_m, sample.v_m_s,
+        )  # fmt: skip
+        self.implausible += not believed
+        return believed
 
     def _whole_tick(self, low: int) -> int:
         """The tick of which the wire carries 32 bits, nearest to the last; -1 if far ahead."""
@@ -121,7 +142,8 @@ class ControllerLoop:
         """Step one tick, answer it unless its time is over, record it."""
         self.tick = tick
         command = self._command(tick)
-        self.state, output = step(self.params, self.state, Inputs(tick, sample, command))
+        power = _NAN if sample is None else self._power
+        self.state, output = step(self.params, self.state, Inputs(tick, sample, command, power))
         frames = b""
         if answer:
             frames = self._encoder.encode(output.messages)
@@ -180,27 +202,36 @@ class ControllerLoop:
             data += topics.FRAMES_RECEIVED.pack(tick, t_ns, batch)
         if frames:
             data += topics.FRAMES_SENT.pack(tick, t_ns, frames)
+        data += self._packed_occasions(tick, t_ns, output)
+        if not missed and (tick + 1) % self._snapshot_every == 0:
+            text = snapshot.dumps(self.remember())
+            data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
+        self._put(data)
+
+    def _packed_occasions(self, tick: int, t_ns: int, output: Output) -> bytes:
+        """What happens in few ticks: a stroke ends, the law answers, a mode changes, a command."""
+        data = b""
         if output.stroke is not None:
             data += _packed_stroke(tick, t_ns, output.stroke)
-        if self.state.demand is not self._demand:
-            self._demand = demand = self.state.demand
-            data += topics.DEMAND.pack(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
+        demand = self.state.demand
+        if demand is not self._demand:
+            self._demand = demand
+            if demand.fuel_kg > 0.0:
+                data += topics.DEMAND.pack(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
         for code, text in output.events:
             severity = topics.FAULT if self.state.mode in _FAULT_MODES else topics.INFO
             data += topics.EVENT.pack(tick, t_ns, severity, code, text)
         if self._heard:
             data += self._heard
             self._heard = b""
-        if not missed and (tick + 1) % self._snapshot_every == 0:
-            text = snapshot.dumps(self.remember())
-            data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
-        self._put(data)
+        return data
 
     def remember(self) -> LoopMemory:
         """Return all that the next turn depends on besides its inputs."""
         return LoopMemory(
             self.tick, self.state, self._encoder.remember(), self.decoder.remember(),
-            self._last_sample, tuple(self._slow), self._late, self._silent_turns,
+            self._last_sample, tuple(self._slow), self._power, self.late, self._silent_turns,
+            self._credence, (self.out_of_step, self.implausible),
         )  # fmt: skip
 
     def recall(self, memory: LoopMemory) -> None:
@@ -208,8 +239,10 @@ class ControllerLoop:
         self.tick, self.state, sent, received, self._last_sample = memory[:5]
         self._encoder.recall(sent)
         self.decoder.recall(received)
-        self._slow = list(memory.slow)
-        self._late, self._silent_turns = memory.late, memory.silent_turns
+        self._slow, self._power = list(memory.slow), memory.power_w
+        self.late, self._silent_turns = memory.late, memory.silent_turns
+        self._credence = memory.credence
+        self.out_of_step, self.implausible = memory.doubted
         self._demand = self.state.demand
 
     def _note(self, code: str, text: str, batch: bytes) -> None:
@@ -234,7 +267,8 @@ class ControllerLoop:
                 "fuel_mg": state.demand.fuel_kg * 1e6,
                 "load_n_s_m": state.set_points.load_n_s_m,
                 "stale": state.stale,
-                "late_samples": self._late,
+                "late_samples": self.late,
+                "implausible_samples": self.implausible,
                 "reception": self.decoder.counts()._asdict(),
             }
         )

@@ -7,18 +7,22 @@ from pathlib import Path
 from typing import Any
 
 from controller.commands import OperatorCommand
+from controller.duty import Duty
 from controller.loop import ControllerLoop
 from controller.step import initial_state, make_params
 from drivers.clock import SystemClock
+from drivers.gpio import open_outputs, with_outputs
 from drivers.links import Connection, open_link
 from drivers.process import (
     Stop,
     guarded,
     last_words,
     note_granted,
+    noting,
     open_recorder,
     read_arguments,
 )
+from drivers.service import ENDLESS, Service
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
@@ -30,6 +34,8 @@ STATUS_HZ = 10
 SNAPSHOT_HZ = 4
 SAMPLE_PATIENCE_PERIODS = 1.5
 """How long a sample may be late before its tick is stepped without it."""
+
+FIRST_SLICE_NS = 200_000_000
 
 
 def make_pacer(scenario: Scenario) -> Pacer:
@@ -52,7 +58,9 @@ def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
             tick = round(event.at_s * scenario.loop.rate_hz)
             while tick in schedule:
                 tick += 1
-            schedule[tick] = OperatorCommand(event.kind, event.tdc_ref_m, event.target_power_w)
+            schedule[tick] = OperatorCommand(
+                event.kind, event.tdc_ref_m, event.target_power_w, law=event.law
+            )
     return schedule
 
 
@@ -62,39 +70,52 @@ def make_loop(
     """Put parameters, initial state and ports together."""
     params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
     return ControllerLoop(
-        params, initial_state(params), link=connection.link, pacer=pacer, recorder=recorder,
-        status=connection.status, commands=connection.commands, schedule=schedule_of(scenario),
+        params, initial_state(params), link=connection.link, pacer=pacer,
+        recorder=noting(recorder, connection.link), status=connection.status,
+        commands=connection.commands, schedule=schedule_of(scenario),
         status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
         peer_timeout_s=scenario.loop.peer_timeout_s,
         snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
     )  # fmt: skip
 
 
-def run(scenario: Scenario, log: Path | None) -> int:
-    """Run the controller to its end.
+def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+    """Run the controller to its end; as a service, until it is asked to end.
 
     Raises: RunError when the plant was lost, ConfigError, LinkError
     """
     stop = Stop()
     stop.listen()
     recorder = open_recorder(log, scenario, "controller")
+    outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime)
-    connection = open_link("controller", scenario.link, scenario.loop)
+    connection = with_outputs(open_link("controller", scenario.link, scenario.loop), outputs)
+    duty = None
+    if service is not None:
+        duty = Duty(service.heart, service, connection.commands)
+        connection = connection._replace(commands=duty.commands)
     try:
         pacer = make_pacer(scenario)
         loop = make_loop(scenario, connection, pacer, recorder)
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
-        connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
-        last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
-        drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
-        drive(loop, connection, pacer.patience_ns, last_tick, stop)
+        if service is not None:
+            service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
+            follow_in_real_time(loop, connection, pacer.patience_ns, ENDLESS, stop, duty)
+        else:
+            connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+            last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
+            drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
+            drive(loop, connection, pacer.patience_ns, last_tick, stop)
         last_words({**facts(loop, connection), "granted": granted})
     finally:
+        if service is not None and stop.requested:
+            service.ends()
         connection.close()
         recorder.close()
-    raise_if_lost(loop)
+    if service is None:
+        raise_if_lost(loop)
     return 0
 
 
@@ -114,22 +135,51 @@ def follow_in_lockstep(
 
 
 def follow_in_real_time(
-    loop: ControllerLoop, connection: Connection, patience_ns: int, last_tick: int, stop: Stop
+    loop: ControllerLoop,
+    connection: Connection,
+    patience_ns: int,
+    last_tick: int,
+    stop: Stop,
+    duty: Duty | None = None,
 ) -> None:
     """Answer every sample, and a tick whose sample has not come after 1.5 periods without it.
 
-    Raises: RunError when the plant never sends
+    Raises: RunError when the plant never sends, or begins anew
     """
     link, period_ns = connection.link, loop.params.period_ns
-    first = await_batch(link, round(1e9 * loop.peer_timeout_s))
+    first = await_first(loop, connection, stop)
     if first is None:
-        raise RunError("plant sent no sample")
+        return
     loop.turn(first)
-    wait_ns = patience_ns
+    if duty is not None:
+        duty.begin(loop)
+    wait_ns, past = patience_ns, 0
     while loop.tick < last_tick and not stop.requested:
         batch = link.wait(wait_ns)
+        before = loop.tick
         loop.turn(batch)
         wait_ns = patience_ns if batch is not None else period_ns
+        past = past + 1 if 0 <= before == loop.tick else 0
+        if past > loop.params.config.limits.stale_ticks:
+            raise RunError(f"plant began anew after tick {loop.tick}")
+        if duty is not None and loop.tick >= duty.next_tick:
+            duty.attend(loop)
+
+
+def await_first(loop: ControllerLoop, connection: Connection, stop: Stop) -> bytes | None:
+    """Return the first batch, None when asked to end before it.
+
+    Raises: RunError when the plant never sends
+    """
+    left_ns = round(1e9 * loop.peer_timeout_s)
+    while left_ns > 0 and not stop.requested:
+        first = await_batch(connection.link, min(left_ns, FIRST_SLICE_NS))
+        if first is not None:
+            return first
+        left_ns -= FIRST_SLICE_NS
+    if stop.requested:
+        return None
+    raise RunError("plant sent no sample")
 
 
 def raise_if_lost(loop: ControllerLoop) -> None:
@@ -148,6 +198,7 @@ def facts(loop: ControllerLoop, connection: Connection) -> dict[str, Any]:
         "ticks": loop.tick + 1,
         "mode": loop.state.mode.name.lower(),
         "reception": loop.decoder.counts()._asdict(),
+        "doubted": {"out_of_step": loop.out_of_step, "implausible": loop.implausible},
         "link": dict(connection.link.counters()),
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from controller.plausibility import Credence
 from controller.step import State
 from hil.codec import DecoderMemory
 from hil.messages import PistonSample
@@ -18,5 +19,8 @@ class LoopMemory(NamedTuple):
     received: DecoderMemory
     last_sample: PistonSample
     slow: tuple[float, ...]
+    power_w: float
     late: int
     silent_turns: int
+    credence: Credence
+    doubted: tuple[int, int]

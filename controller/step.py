@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from controller import actuator, estimate, safety, supervisory, timing
+from controller import actuator, estimate, ignition, safety, supervisory, timing, trimming
 from controller.actuator import Machine
 from controller.commands import OperatorCommand
 from controller.estimate import Motion, Passed
 from controller.knowledge import motoring_force
 from controller.laws import LAWS
+from controller.laws.engine_map import EngineMap
 from controller.laws.interface import NO_DEMAND, Demand, Law, StrokeFacts
 from controller.start_restart import Facts, Mode, next_mode
 from controller.supervisory import SetPoints
@@ -32,6 +33,11 @@ MISFIRE_SPEED_RATIO = 0.6
 FIRING_MODES = (Mode.MOTORING, Mode.GENERATING)
 """In any other mode the TTL lines are low; the plant's decoder knows the same two."""
 
+SHORTEST_STROKE = 0.3
+"""Dead centres nearer to each other than this part of a steady stroke are one and the same."""
+
+NO_CHARGES = (0.0, 0.0)
+
 REST_SPEED_M_S = 2e-3
 REST_POSITION_M = 2e-3
 
@@ -46,10 +52,15 @@ class Params(NamedTuple):
     limit_m: float
     full_load_n_s_m: float
     motoring_limit_ns: int
+    model: EngineMap | None
 
 
 class State(NamedTuple):
-    """Everything that the controller remembers from tick to tick."""
+    """Everything that the controller remembers from tick to tick.
+
+    law_name: the law in force, whose state is `law`
+    burnt_kg: fuel planned for the last dead centre at the left and at the right head
+    """
 
     mode: Mode
     motion: Motion
@@ -63,14 +74,20 @@ class State(NamedTuple):
     fired_t_ns: int
     fired_strokes: int
     since_t_ns: int
+    law_name: str
+    burnt_kg: tuple[float, float]
 
 
 class Inputs(NamedTuple):
-    """What comes in with a tick; `sample` is None when none that is valid came."""
+    """What comes in with a tick; `sample` is None when none that is valid came.
+
+    power_w: electric power, nan when this tick's frames carried none
+    """
 
     tick: int
     sample: PistonSample | None
     command: OperatorCommand | None = None
+    power_w: float = math.nan
 
 
 class StrokeReport(NamedTuple):
@@ -97,12 +114,18 @@ class Output(NamedTuple):
 
 
 def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Params:
-    """Resolve a configuration for a prototype and a tick."""
+    """Resolve a configuration for a prototype and a tick.
+
+    Raises: ConfigError when the law cannot work with it
+    """
     engine = PROTOTYPES[prototype]
     limit = engine.position_limit_m if config.limits.tdc_m is None else config.limits.tdc_m
     full = supervisory.full_load(config, engine)
     motoring_limit_ns = round(config.start.timeout_s * 1e9)
-    return Params(config, engine, LAWS[config.name], period_ns, limit, full, motoring_limit_ns)
+    model = trimming.model_of(config, engine)
+    trimming.check(config, model)
+    law = LAWS[config.name]
+    return Params(config, engine, law, period_ns, limit, full, motoring_limit_ns, model)
 
 
 def initial_state(params: Params) -> State:
@@ -112,7 +135,8 @@ def initial_state(params: Params) -> State:
     motion = Motion(tdc_m=set_points.tdc_ref_m)
     return State(
         mode, motion, set_points, params.law.initial, NO_DEMAND, NO_PLAN, (),
-        0, 0, -1, params.config.start.open_strokes, 0,
+        0, 0, -1, params.config.start.open_strokes, 0, params.law.name,
+        (set_points.point.fuel_kg, set_points.point.fuel_kg),
     )  # fmt: skip
 
 
@@ -127,31 +151,64 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     set_points = supervisory.slew(
         params.config, params.engine, state.set_points, params.period_ns * 1e-9
     )
-    law, demand, plan = state.law, state.demand, state.plan
+    law, demand, plan, burnt_kg = state.law, state.demand, state.plan, state.burnt_kg
     stroke = None
     if passed.dead_centre:
-        stroke = StrokeReport(
-            motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s, demand
-        )
+        if _fires(params, motion.stroke - 1):
+            stroke = StrokeReport(
+                motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
+                demand,
+            )  # fmt: skip
+        burnt_kg = _burnt(state, motion)
         plan, demand = NO_PLAN, NO_DEMAND
-    if passed.mid_stroke and _may_fire(params, mode, motion, set_points):
+    due = passed.mid_stroke and _fires(params, motion.stroke)
+    if due and _may_fire(params, mode, motion, set_points):
         law, demand = _demand(params, state, motion, set_points)
         plan = timing.plan_injection(
             params.config, motion, t_ns, params.period_ns, set_points.point.stroke_s, demand.fuel_kg
         )
+    machine = _machine(params, mode, motion, set_points)
+    watch = LAWS[state.law_name].watch
+    if watch is not None and _may_watch(params, mode, state, stale):
+        assert params.model is not None, "checked when the law was chosen"
+        law, demand, plan, machine = trimming.trim(
+            params.config, params.model, watch, law, demand, plan, machine, motion=motion,
+            passed=passed, set_points=set_points, burnt_kg=burnt_kg, power_w=inputs.power_w,
+            t_ns=t_ns, period_ns=params.period_ns,
+        )  # fmt: skip
     if plan.fuel_kg > 0.0:
-        plan = timing.plan_spark(
-            params.config, plan, motion, t_ns, params.period_ns, set_points.point.stroke_s
-        )
+        plan = _with_spark(params, mode, motion, set_points, plan, burnt_kg, t_ns)
     pulses = actuator.still_open(state.pulses, (plan.injection, plan.spark), t_ns)
-    machine = safety.limit_machine(params.config.limits, _machine(params, mode, motion, set_points))
+    machine = safety.limit_machine(params.config.limits, machine)
     after = State(
         mode, motion, set_points, law, demand, plan, pulses, stale,
-        state.misfires, state.fired_t_ns, state.fired_strokes, state.since_t_ns,
+        state.misfires, state.fired_t_ns, state.fired_strokes, state.since_t_ns, state.law_name,
+        burnt_kg,
     )  # fmt: skip
     messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
     may_fire = mode in FIRING_MODES
     return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, may_fire)
+
+
+def _with_spark(
+    params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
+    burnt_kg: tuple[float, float], t_ns: int,
+) -> Plan:  # fmt: skip
+    """Level 4: the spark, by the best prediction that there is of this stroke."""
+    timings, period_ns = params.config.timing, params.period_ns
+    braked, charges = set_points.load_n_s_m, burnt_kg
+    if mode is not Mode.GENERATING:
+        braked, charges = 0.0, NO_CHARGES
+    if timings.spark_position_m is None:
+        ahead = trimming.ahead_by(params.model, motion, braked, charges, period_ns)
+    else:
+        ahead = ignition.ahead_of(
+            params.engine, motion, period_ns * 1e-9, braked, timings.spark_position_m,
+            timings.spark_advance_s,
+        )  # fmt: skip
+    return timing.plan_spark(
+        params.config, plan, motion, t_ns, period_ns, set_points.point.stroke_s, ahead
+    )
 
 
 def _observe(state: State, sample: PistonSample | None, t_ns: int) -> tuple[Motion, Passed, int]:
@@ -223,19 +280,47 @@ def _obey(
             command.target_power_w,
         )
         state = state._replace(set_points=set_points)
-    given = command._asdict() | {"kind": None, "origin": None}
-    numbers = [f"{name}={value:g}" for name, value in given.items() if value is not None]
-    return state, (("command", " ".join([command.kind, *numbers, f"from {command.origin}"])),)
+    if command.law is not None:
+        reason = trimming.refusal(command.law, params.model)
+        if reason:
+            return state, (("command-refused", f"{reason} (from {command.origin})"),)
+        state = _change_law(params, state, command.law)
+    return state, (("command", command.describe()),)
+
+
+def _change_law(params: Params, state: State, name: str) -> State:
+    """Let another law go on from here; in a mode without one it will begin afresh."""
+    law = trimming.hand_over(params.config, name, state.motion, state.set_points, state.burnt_kg)
+    return state._replace(law_name=name, law=law)
 
 
 def _enter(params: Params, state: State, mode: Mode, t_ns: int) -> State:
     """What a change of mode resets: outside generating nothing may fire that was planned before."""
     state = state._replace(mode=mode, since_t_ns=t_ns)
     if mode is Mode.GENERATING:
-        return state._replace(law=params.law.initial, fired_strokes=1)
+        law = LAWS[state.law_name].restarted(state.law)
+        return state._replace(law=law, fired_strokes=1)
     if mode is Mode.MOTORING:
         return state._replace(plan=NO_PLAN, demand=NO_DEMAND, pulses=())
     return state._replace(plan=NO_PLAN, demand=NO_DEMAND, pulses=(), fired_t_ns=-1, misfires=0)
+
+
+def _burnt(state: State, motion: Motion) -> tuple[float, float]:
+    """Enter what was planned for a dead centre.
+
+    At the dead centre at which a run begins noise may show one more, for which nothing is planned.
+    """
+    burnt_kg, fuel_kg = state.burnt_kg, state.plan.fuel_kg
+    apart_ns = motion.dc_t_ns - state.motion.dc_t_ns
+    if fuel_kg == 0.0 and apart_ns < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
+        return burnt_kg
+    return (fuel_kg, burnt_kg[1]) if motion.side == 0 else (burnt_kg[0], fuel_kg)
+
+
+def _may_watch(params: Params, mode: Mode, state: State, stale: int) -> bool:
+    """A law watches the ticks in which it would also be asked for fuel, and a sample came."""
+    generating = mode is Mode.GENERATING and state.mode is mode
+    return generating and not stale and state.fired_strokes >= params.config.start.open_strokes
 
 
 def _check_is_due(state: State, t_ns: int) -> bool:
@@ -253,6 +338,12 @@ def _has_misfired(state: State, motion: Motion) -> bool:
     scale = motion.tdc_m / state.set_points.tdc_ref_m
     expected = point.v_mid_m_s * scale * math.sqrt(0.5)  # sin(pi / 4)
     return motion.direction * motion.v_m_s < MISFIRE_SPEED_RATIO * expected
+
+
+def _fires(params: Params, stroke: int) -> bool:
+    """Whether that stroke ends in a combustion; a four-stroke engine's gas exchange has no TDC."""
+    fires = params.config.timing.fires
+    return fires[stroke % len(fires)]
 
 
 def _may_fire(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) -> bool:
@@ -274,9 +365,10 @@ def _demand(
         most = config.limits.fuel_max_kg * set_points.throttle
         facts = StrokeFacts(
             set_points.tdc_ref_m, motion.tdc_m, motion.v_mid_m_s, point,
-            config.limits.fuel_min_kg, most,
+            config.limits.fuel_min_kg, most, set_points.load_n_s_m,
+            1 if motion.direction > 0 else 0, state.burnt_kg, params.model,
         )  # fmt: skip
-        law, demand = params.law.step(config, law, facts)
+        law, demand = LAWS[state.law_name].step(config, law, facts)
     return law, safety.limit_fuel(config.limits, set_points.throttle, demand)
 
 
@@ -287,6 +379,8 @@ def _machine(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) 
         start = params.config.start
         direction = motion.direction or 1
         amplitude = start.amplitude_ratio * set_points.tdc_ref_m
-        force = direction * min(start.force_n, motoring_force(
-            params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
+        force = direction * start.force_n
+        if not start.constant_force:
+            force = direction * min(start.force_n, motoring_force(
+                params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
     return actuator.machine_for(mode, force, set_points.load_n_s_m, params.full_load_n_s_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.estimate import Motion, seconds_to_dead_centre
@@ -67,6 +68,40 @@ def plan_injection(
     )
 
 
+def retime_injection(
+    config: ControllerConfig,
+    plan: Plan,
+    dead_centre_ns: int,
+    t_ns: int,
+    period_ns: int,
+    fuel_kg: float,
+) -> Plan:
+    """Give an injection that may still be trimmed another fuel, and its place by the newest sample.
+
+    Until the opening is `injection_lead_ticks` away it moves with the predicted dead centre, room
+    left behind it for `trim_reserve` more fuel; from then on only the closing moves, as far as a
+    command that acts from `act_ticks` on can still reach it.
+    """
+    old, timing = plan.injection, config.timing
+    acts_ns = t_ns + timing.act_ticks * period_ns
+    if old is None or old.close_ns <= acts_ns:
+        return plan
+    dead_s, flow = config.injector.dead_time_s, config.injector.static_flow_kg_s
+    low_by_ns = dead_centre_ns - round(timing.trim_margin_s * 1e9)
+    lead_ns = t_ns + timing.injection_lead_ticks * period_ns
+    open_ns = old.open_ns
+    if open_ns > lead_ns:
+        room_s = dead_s + (1.0 + timing.trim_reserve) * fuel_kg / flow
+        open_ns = _whole_us(max(lead_ns, low_by_ns - round(room_s * 1e9)))
+    wanted_ns = open_ns + round((dead_s + fuel_kg / flow) * 1e6) * _US
+    close_ns = max(min(wanted_ns, _whole_us(low_by_ns)), _whole_us(acts_ns))
+    flowing_s = (close_ns - open_ns) * 1e-9 - dead_s
+    burnt = fuel_kg if close_ns == wanted_ns else max(flowing_s * flow, 0.0)
+    return plan._replace(
+        injection=PlannedPulse(old.channel, open_ns, close_ns - open_ns), fuel_kg=burnt
+    )
+
+
 def plan_spark(
     config: ControllerConfig,
     plan: Plan,
@@ -74,22 +109,30 @@ def plan_spark(
     t_ns: int,
     period_ns: int,
     stroke_s: float,
+    ahead: Callable[[], float] | None = None,
 ) -> Plan:
     """Place the spark ahead of the predicted dead centre, again every tick until it is due.
 
-    A command acts from the next tick, so a spark that opens before that is left as it is, and so
+    A command acts from `act_ticks` on, so a spark that opens before that is left as it is, and so
     is one that would move by less than `SPARK_STEP_NS`.
+
+    Parameters: ahead : time from the sample to the dead centre, where there is a better prediction
+    than that of a free oscillation
     """
     timing = config.timing
-    if plan.spark is not None and plan.spark.open_ns <= t_ns + period_ns:
+    acts_ns = t_ns + timing.act_ticks * period_ns
+    if plan.spark is not None and plan.spark.open_ns <= acts_ns:
         return plan
-    seconds = seconds_to_dead_centre(motion, period_ns * 1e-9, math.pi / stroke_s)
+    if ahead is None:
+        seconds = seconds_to_dead_centre(motion, period_ns * 1e-9, math.pi / stroke_s)
+    else:
+        seconds = ahead()
     open_ns = motion.t_ns + round((seconds - timing.spark_advance_s) * 1e9)
     if open_ns - t_ns > timing.spark_ahead_s * 1e9:
         return plan
     if plan.spark is not None and abs(open_ns - plan.spark.open_ns) < SPARK_STEP_NS:
         return plan
-    open_ns = _whole_us(max(open_ns, t_ns + period_ns))
+    open_ns = _whole_us(max(open_ns, acts_ns))
     duration_ns = round(timing.spark_duration_s * 1e6) * _US
     spark = PlannedPulse(SPARK_LEFT + _side_ahead(motion), open_ns, duration_ns)
     return plan._replace(spark=spark)

@@ -7,23 +7,27 @@ import time
 from hil.errors import ConfigError
 
 MAX_SPIN_S = 2e-3
+SPIN_SHARE = 0.35
+"""Of a period at the most: under SCHED_FIFO a loop that never sleeps starves its own recorder."""
 
 
 class SystemClock:
     """CLOCK_MONOTONIC [ns].
 
     A sleeping thread wakes 50 to 100 us late, a spinning one within a microsecond; so the last
-    `spin_s` before a deadline is spun, which costs that much of a core in every period.
+    `spin_s` before a deadline is spun, which costs that much of a core in every period, but never
+    more than a third of the period.
 
     Raises: ConfigError when spin_s is outside 0 to 2 ms
     """
 
     __slots__ = ("_spin_ns",)
 
-    def __init__(self, spin_s: float = 150e-6) -> None:
+    def __init__(self, spin_s: float = 150e-6, period_ns: int | None = None) -> None:
         if not 0.0 <= spin_s <= MAX_SPIN_S:
             raise ConfigError(f"realtime.spin_s = {spin_s!r}: accepted 0 to {MAX_SPIN_S:g} s")
-        self._spin_ns = round(spin_s * 1e9)
+        spin_ns = round(spin_s * 1e9)
+        self._spin_ns = min(spin_ns, round(SPIN_SHARE * period_ns)) if period_ns else spin_ns
 
     def now_ns(self) -> int:
         """Return the time on CLOCK_MONOTONIC [ns]."""

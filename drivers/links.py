@@ -10,7 +10,7 @@ from drivers.memory_link import MemoryLink, memory_pair
 from drivers.zenoh_channels import ZenohCommands, ZenohOperator, ZenohStatus
 from drivers.zenoh_link import ZenohLink, ZenohNode
 from hil.config.process import LinkConfig, LoopConfig
-from hil.errors import ConfigError
+from hil.errors import ConfigError, HilError
 from hil.ports import CommandSource, Link, StatusSink
 
 Side = Literal["plant", "controller"]
@@ -51,8 +51,51 @@ def _open_zenoh(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     return Connection(link, commands, status, close)
 
 
+def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+    """Open a process's end in shared memory, with commands and status on a Zenoh session."""
+    from drivers.shm_link import ShmLink  # noqa: PLC0415 - an extra, loaded where it is used
+
+    node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+    try:
+        link = ShmLink(node, loop.period_ns)
+    except HilError:
+        node.close()
+        raise
+    commands, status = ZenohCommands(node), ZenohStatus(node)
+    node.announce()
+
+    def close() -> None:
+        for part in (link, commands, status, node):
+            part.close()
+
+    return Connection(link, commands, status, close)
+
+
+def _open_can(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+    """Open a process's node on a CAN bus, with commands and status on a Zenoh session."""
+    from drivers.can_link import CanLink, open_port  # noqa: PLC0415 - loaded where it is used
+
+    port = open_port(side, config, lockstep=loop.clock == "lockstep")
+    try:
+        node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+    except HilError:
+        port.close()
+        raise
+    link = CanLink(port, node, loop.period_ns)
+    commands, status = ZenohCommands(node), ZenohStatus(node)
+    node.announce()
+
+    def close() -> None:
+        for part in (link, commands, status, node):
+            part.close()
+
+    return Connection(link, commands, status, close)
+
+
 OPENERS: Final[dict[str, Callable[[Side, LinkConfig, LoopConfig], Connection]]] = {
     "zenoh": _open_zenoh,
+    "shm": _open_shm,
+    "can": _open_can,
 }
 """A link between two processes is one row here; `memory` stays inside one, see `open_memory`."""
 

@@ -31,12 +31,15 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from hil.records import MESSAGE, MESSAGE_HEAD
+from drivers.reserve import reserve as keep_free
+from hil.records import FORMAT, LIBRARY, MAGIC, MESSAGE, MESSAGE_HEAD
 
-MAGIC = b"\x89MCAP0\r\n"
 _INDEX_HEAD = struct.Struct("<BQHI")
 # Level 1 makes files 5 % larger than level 3 in three quarters of its time.
 _LEVEL = 1
+# Summary, footer and a last event need less than this, besides an index entry a chunk.
+_ENDING_BYTES = 64 << 10
+_ENDING_BYTES_A_CHUNK = 512
 
 
 class _Writable(Protocol):
@@ -106,7 +109,12 @@ class McapFile:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
-        self._emit(MAGIC + _bytes_of(Header("ros2", "fpeg-hil"), *schemas, *channels))
+        self._emit(MAGIC + _bytes_of(Header("ros2", f"{LIBRARY}{FORMAT}"), *schemas, *channels))
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._size
 
     @property
     def messages(self) -> int:
@@ -144,8 +152,11 @@ class McapFile:
         index = AttachmentIndex(offset, len(data), 0, 0, len(content), name, media_type)
         self._attachments.append(index)
 
-    def add_chunk(self, data: bytes, index: MessageIndex) -> None:
-        """Write whole Message records as one compressed chunk with its message index."""
+    def add_chunk(self, data: bytes, index: MessageIndex, *, reserve: bool = True) -> None:
+        """Write whole Message records as one compressed chunk with its message index.
+
+        Room for what ends the file is kept free behind it; the last chunk may take it (`reserve`).
+        """
         times = [t for flat in index.entries.values() for t in (min(flat[::2]), max(flat[::2]))]
         compressed = self._compressor.compress(data)
         chunk = Chunk("zstd", compressed, max(times), min(times), zlib.crc32(data), len(data))
@@ -159,6 +170,9 @@ class McapFile:
             parts.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + body, channel, body))
             parts.append(struct.pack(f"<{len(flat)}Q", *flat))
             offset += _INDEX_HEAD.size + body
+        if reserve:
+            ending = _ENDING_BYTES + _ENDING_BYTES_A_CHUNK * (len(self._chunks) + 2)
+            keep_free(self._fd, start, offset - start + ending)
         self._emit(b"".join(parts))
         chunk_index = ChunkIndex(
             chunk_length=len(record),
@@ -182,6 +196,7 @@ class McapFile:
         while True:
             try:
                 self._emit(self._end())
+                os.ftruncate(self._fd, self._size)  # gives back what was kept free
             except OSError:
                 if not self._chunks:
                     raise

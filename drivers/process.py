@@ -11,16 +11,20 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from drivers.recorder import NullRecorder, Recorder
+from drivers.recorder import NullRecorder, Recorder, Rotation
 from hil import topics
 from hil.config.load import describe, load
+from hil.config.process import LogConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, HilError
+from hil.ports import Link, Noticing
+from hil.ports import Recorder as PortRecorder
+from hil.records import MESSAGE_HEAD
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
 _DBC = Path(__file__).resolve().parent.parent / "hil" / "fpeg.dbc"
@@ -60,7 +64,12 @@ def read_scenario(path: Path) -> Scenario:
         raise ConfigError(describe(error, str(path))) from None
 
 
-def open_recorder(path: Path | None, scenario: Scenario, process: str) -> Recorder | NullRecorder:
+def open_recorder(
+    path: Path | None,
+    scenario: Scenario,
+    process: str,
+    more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+) -> Recorder | NullRecorder:
     """Open the log of a process, with all that a replay needs in it."""
     if path is None:
         return NullRecorder()
@@ -74,12 +83,23 @@ def open_recorder(path: Path | None, scenario: Scenario, process: str) -> Record
             "rate_hz": str(scenario.loop.rate_hz),
         },
         "versions": versions(),
+        **more,
     }
     attachments = [("scenario.json", "application/json", scenario.model_dump_json().encode())]
     if _DBC.exists():
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
     blocking = scenario.loop.clock == "lockstep"
-    return Recorder.open(path, metadata, attachments, blocking=blocking)
+    return Recorder.open(
+        path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log)
+    )
+
+
+def rotation_of(config: LogConfig) -> Rotation | None:
+    """Return when a log goes on in another file; None: never."""
+    size, time_s = config.segment_bytes, config.segment_s
+    if size is None and time_s is None:
+        return None
+    return Rotation(size, None if time_s is None else round(time_s * 1e9), config.retain_bytes)
 
 
 def note_granted(
@@ -89,6 +109,29 @@ def note_granted(
     if scenario.loop.clock == "realtime":
         for name, text in granted.items():
             recorder.put(topics.EVENT.pack(0, 0, topics.INFO, "real-time", f"{name}: {text}"))
+
+
+class NotingRecorder:
+    """Adds what the bus reported to the records of the tick in which it was read."""
+
+    __slots__ = ("_link", "_put")
+
+    def __init__(self, recorder: PortRecorder, link: Noticing) -> None:
+        self._put = recorder.put
+        self._link = link
+
+    def put(self, data: bytes, /) -> None:
+        """Hand over the records of one tick."""
+        if notices := self._link.notices():
+            _, _, _, tick, t_ns, *_ = MESSAGE_HEAD.unpack_from(data)
+            for code, text in notices:
+                data += topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
+        self._put(data)
+
+
+def noting(recorder: PortRecorder, link: Link) -> PortRecorder:
+    """Return a recorder that logs the reports of the link's bus too, if there is one."""
+    return NotingRecorder(recorder, link) if isinstance(link, Noticing) else recorder
 
 
 def versions() -> dict[str, str]:

@@ -16,9 +16,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from drivers import ring
+from drivers import recorder_unit, ring
 from hil.errors import ConfigError, RunError
 from hil.records import Topic
+from hil.segments import segments_before
 from hil.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
@@ -28,6 +29,14 @@ _HELD_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _POLL_MS = 1
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
+
+
+class Rotation(NamedTuple):
+    """When a log goes on in another file, and how much of it is kept."""
+
+    segment_bytes: int | None = None
+    segment_ns: int | None = None
+    retain_bytes: int | None = None
 
 
 class LogResult(NamedTuple):
@@ -60,7 +69,7 @@ class Recorder:
         path: Path,
         producer: ring.Producer,
         control: socket.socket,
-        process: subprocess.Popen[bytes],
+        process: subprocess.Popen[bytes] | None,
         *,
         blocking: bool,
     ) -> None:
@@ -85,31 +94,30 @@ class Recorder:
         blocking: bool,
         topics: Sequence[Topic] = ALL,
         ring_bytes: int = RING_BYTES,
+        rotation: Rotation | None = None,
     ) -> Recorder:
-        """Start the recorder process for a new log; an existing file is overwritten.
+        """Start the recorder process for a new log; an existing one is overwritten.
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
         out = _open_output(path)
         ring_fd = ring.create(ring_bytes)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         config = {
             "out": out,
             "ring": ring_fd,
-            "control": theirs.fileno(),
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
             **_describe(topics),
+            "rotation": None if rotation is None else _rotation(path, rotation),
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
         try:
-            process = _spawn(config)
+            control, process = _start(config)
             producer = ring.Producer(ring_fd)
         finally:
-            theirs.close()
             os.close(ring_fd)
             os.close(out)
-        return cls(path, producer, ours, process, blocking=blocking)
+        return cls(path, producer, control, process, blocking=blocking)
 
     def put(self, data: bytes, /) -> None:
         """Take the packed records of one tick as a whole."""
@@ -130,9 +138,9 @@ class Recorder:
         return self._gone
 
     @property
-    def pid(self) -> int:
-        """Process number of the recorder process."""
-        return self._process.pid
+    def pid(self) -> int | None:
+        """Process number of the recorder process; None for that of a service manager."""
+        return None if self._process is None else self._process.pid
 
     @property
     def dropped(self) -> int:
@@ -168,17 +176,27 @@ class Recorder:
             control.settimeout(timeout_s)
             try:
                 answer = control.recv(1 << 16)
-                self._process.wait(max(deadline_s - time.monotonic(), 0.1))
+                if self._process is not None:
+                    self._process.wait(max(deadline_s - time.monotonic(), 0.1))
             except (TimeoutError, subprocess.TimeoutExpired):
                 late = f"log {self._path} was not finished within {timeout_s:g} s"
                 raise RunError(late) from None
             except ConnectionError:
                 answer = b""
         if not answer:
-            code = self._process.wait()
+            code = "no message" if self._process is None else self._process.wait()
             raise RunError(f"log {self._path}: its recorder ended with {code}, repair the file")
         result: dict[str, Any] = json.loads(answer)
         return result
+
+
+def _rotation(path: Path, rotation: Rotation) -> dict[str, Any]:
+    return {
+        "path": str(path.resolve()),
+        "bytes": rotation.segment_bytes,
+        "ns": rotation.segment_ns,
+        "retain_bytes": rotation.retain_bytes,
+    }
 
 
 def wait_finished(path: Path, timeout_s: float) -> None:
@@ -187,15 +205,21 @@ def wait_finished(path: Path, timeout_s: float) -> None:
     Raises: RunError when the file is missing or still being written after the time
     """
     deadline_s = time.monotonic() + timeout_s
+    while not _is_finished(path):
+        if time.monotonic() > deadline_s:
+            raise RunError(f"log {path} is still being written after {timeout_s:g} s")
+        time.sleep(0.005)
+
+
+def _is_finished(path: Path) -> bool:
+    """Whether nobody holds the lock of the file that has the log's name, now and afterwards."""
     try:
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
         raise RunError(f"log {path}: {error.strerror}") from None
     try:
-        while not _try_lock(fd, fcntl.LOCK_SH):
-            if time.monotonic() > deadline_s:
-                raise RunError(f"log {path} is still being written after {timeout_s:g} s")
-            time.sleep(0.005)
+        # A file that has lost its name meanwhile is an earlier segment of a log that goes on.
+        return _try_lock(fd, fcntl.LOCK_SH) and os.fstat(fd).st_ino == path.stat().st_ino
     finally:
         os.close(fd)
 
@@ -218,6 +242,8 @@ def _open_output(path: Path) -> int:
         os.close(fd)
         raise ConfigError(f"log {path} is being written by another recorder")
     os.ftruncate(fd, 0)
+    for segment in segments_before(path):  # of the log that is overwritten
+        segment.unlink(missing_ok=True)
     return fd
 
 
@@ -231,6 +257,16 @@ def _describe(topics: Sequence[Topic]) -> dict[str, Any]:
             schemas.append((numbers[topic.schema_name], topic.schema_name, topic.definition))
     channels = [(topic.channel_id, topic.name, numbers[topic.schema_name]) for topic in topics]
     return {"schemas": schemas, "channels": channels}
+
+
+def _start(config: Mapping[str, Any]) -> tuple[socket.socket, subprocess.Popen[bytes] | None]:
+    """Start a recorder process, or have the service manager start one; returns the control end."""
+    address = os.environ.get(recorder_unit.VARIABLE, "")
+    if address:
+        return recorder_unit.hand_over(address, config), None
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        return ours, _spawn({**config, "control": theirs.fileno()})
 
 
 def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:

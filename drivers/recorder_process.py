@@ -7,22 +7,22 @@ end of the control socket is closed, on purpose or by a kill, after finishing th
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import os
 import select
 import signal
 import socket
+import stat
 import sys
 import time
 from typing import Any
 
-from mcap.records import Channel, Schema
-
-from drivers.mcap_file import McapFile, index_messages
+from drivers.mcap_file import index_messages
+from drivers.recorder_unit import take_over
 from drivers.ring import Consumer
-from hil.topics import EVENT, WARNING
+from drivers.segments import Segments
+from hil.topics import EVENT, FAULT, WARNING
 
 _POLL_MS = 10  # far below what the ring holds, far above what a wake-up costs
 _FLUSH_S = 1.0  # a power cut costs no more than this much of a slow log
@@ -31,7 +31,7 @@ _FLUSH_S = 1.0  # a power cut costs no more than this much of a slow log
 class Sink:
     """Collects records into chunks of a file; after a failed write it only counts bytes."""
 
-    def __init__(self, file: McapFile, chunk_bytes: int) -> None:
+    def __init__(self, file: Segments, chunk_bytes: int) -> None:
         self.error: str | None = None
         self.lost_bytes = 0
         self._file = file
@@ -61,19 +61,25 @@ class Sink:
         except (OSError, ValueError) as error:
             self.error = getattr(error, "strerror", None) or str(error)
             self.lost_bytes += len(self._pending)
+            self._say_the_end(self.error)
+
+    def _say_the_end(self, why: str) -> None:
+        """Write an event as the last record, if what was kept free for it is there."""
+        text = f"{why}: the log ends here, control goes on"
+        with contextlib.suppress(OSError):
+            self._file.add_last(EVENT.pack(*self._last, FAULT, "log-ended", text))
 
     def _write(self, dropped: int) -> None:
         index = index_messages(self._pending)
         data, rest = self._pending[: index.size], self._pending[index.size :]
-        if data:
-            self._last = (index.last_tick, index.last_t_ns)
+        last = (index.last_tick, index.last_t_ns) if data else self._last
         if dropped > self._dropped:
             text = f"{dropped - self._dropped} ticks are missing here: the recorder was too slow"
-            data += EVENT.pack(*self._last, WARNING, "log-dropped", text)
+            data += EVENT.pack(*last, WARNING, "log-dropped", text)
             index = index_messages(data)
         if data:
             self._file.add_chunk(data, index)
-        self._pending, self._dropped = rest, dropped
+        self._pending, self._dropped, self._last = rest, dropped, last
 
 
 def _drain(ring: Consumer, control: socket.socket, sink: Sink, chunk_bytes: int) -> None:
@@ -91,24 +97,7 @@ def _drain(ring: Consumer, control: socket.socket, sink: Sink, chunk_bytes: int)
         ended = bool(poll.poll(_POLL_MS)) and not control.recv(64)
 
 
-def _open_file(fd: int, config: dict[str, Any]) -> McapFile:
-    schemas = [
-        Schema(id=number, name=name, encoding="ros2msg", data=text.encode())
-        for number, name, text in config["schemas"]
-    ]
-    channels = [
-        Channel(id=number, topic=topic, message_encoding="cdr", schema_id=schema, metadata={})
-        for number, topic, schema in config["channels"]
-    ]
-    file = McapFile(fd, schemas, channels)
-    for name, values in config["metadata"].items():
-        file.add_metadata(name, values)
-    for name, media_type, content in config["attachments"]:
-        file.add_attachment(name, media_type, base64.b64decode(content))
-    return file
-
-
-def _record(file: McapFile, ring: Consumer, control: socket.socket, chunk: int) -> dict[str, Any]:
+def _record(file: Segments, ring: Consumer, control: socket.socket, chunk: int) -> dict[str, Any]:
     """Fill and finish the file; return what the closing side is told."""
     sink = Sink(file, chunk)
     _drain(ring, control, sink, chunk)
@@ -127,7 +116,7 @@ def run(config: dict[str, Any]) -> None:
     control = socket.socket(fileno=config["control"])
     try:
         ring = Consumer(config["ring"])
-        file = _open_file(config["out"], config)
+        file = Segments(config["out"], config)
         result = _record(file, ring, control, config["chunk_bytes"])
     except OSError as error:
         result = {"error": error.strerror, "lost_bytes": 0, "dropped": 0, "messages": 0}
@@ -141,7 +130,8 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)  # the end of the writer is what ends this process
     if os.sched_getscheduler(0) != os.SCHED_OTHER:  # inherited from a real-time loop
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    run(json.load(sys.stdin))
+    handed_over = stat.S_ISSOCK(os.fstat(0).st_mode)  # started by a service manager
+    run(take_over(0) if handed_over else json.load(sys.stdin))
 
 
 if __name__ == "__main__":

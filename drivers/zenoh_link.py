@@ -8,114 +8,20 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
 import zenoh
 
+from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh_config import Role, session_config
 from hil.config.process import ZenohConfig
 from hil.errors import LinkError
 
 _CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
-_AHEAD_NS: Final = 150_000  # how long before an expected arrival to stop sleeping
-_YIELD_NS: Final = 150_000  # how long after it to go on yielding
-_YIELD_LOCKSTEP_NS: Final = 50_000_000
-_STEP_S: Final = 30e-6
-_STEP_LOCKSTEP_S: Final = 200e-6
 _PEER_POLL_S: Final = 2e-3
 PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
-
-
-class ArrivalClock:
-    """When the next batch is due, learnt from those that came: the earliest phase, forgetting.
-
-    due' = t + T - 7/8 max(d, 0), with d the lateness of the arrival at t, modulo the period T
-    """
-
-    __slots__ = ("due_ns", "period_ns")
-
-    def __init__(self, period_ns: int) -> None:
-        self.period_ns = period_ns
-        self.due_ns = 0
-
-    def arrived(self, now_ns: int) -> None:
-        """Take note of an arrival; a lone late one hardly moves the phase."""
-        late_ns = 0
-        if self.due_ns:
-            half_ns = self.period_ns // 2
-            late_ns = (now_ns - self.due_ns + half_ns) % self.period_ns - half_ns
-        self.due_ns = now_ns + self.period_ns - (late_ns * 7 // 8 if late_ns > 0 else 0)
-
-    def missed(self, now_ns: int) -> None:
-        """Look to the next arrival after nothing came."""
-        behind_ns = now_ns - self.due_ns
-        if self.due_ns and behind_ns > 0:
-            self.due_ns += -(-behind_ns // self.period_ns) * self.period_ns
-
-    def forget(self) -> None:
-        """Start anew: the peer was not in the phase that was expected."""
-        self.due_ns = 0
-
-
-class _LockstepPolling:
-    """The answer comes as soon as the peer has worked it out: yield until then."""
-
-    __slots__ = ()
-
-    def poll(self, handler: zenoh.Handler[zenoh.Sample], timeout_ns: int) -> zenoh.Sample | None:
-        """Return the next sample, or None after the timeout [ns]."""
-        now_ns = time.monotonic_ns()
-        return _poll(handler, now_ns + _YIELD_LOCKSTEP_NS, _STEP_LOCKSTEP_S, now_ns + timeout_ns)
-
-
-class _RealTimePolling:
-    """Batches come once a period: sleep to shortly before the next, then yield, then nap."""
-
-    __slots__ = ("_arrivals",)
-
-    def __init__(self, period_ns: int) -> None:
-        self._arrivals = ArrivalClock(period_ns)
-
-    def poll(self, handler: zenoh.Handler[zenoh.Sample], timeout_ns: int) -> zenoh.Sample | None:
-        """Return the next sample, or None after the timeout [ns]."""
-        arrivals = self._arrivals
-        now_ns = time.monotonic_ns()
-        deadline_ns = now_ns + timeout_ns
-        asleep_ns = min(arrivals.due_ns - _AHEAD_NS, deadline_ns) - now_ns
-        if 0 < asleep_ns < arrivals.period_ns:
-            time.sleep(asleep_ns * 1e-9)
-            if (sample := handler.try_recv()) is not None:
-                arrivals.forget()
-                return sample
-        until_ns = max(now_ns, arrivals.due_ns) + _YIELD_NS
-        sample = _poll(handler, until_ns, _STEP_S, deadline_ns)
-        if sample is None:
-            arrivals.missed(time.monotonic_ns())
-        else:
-            arrivals.arrived(time.monotonic_ns())
-        return sample
-
-
-def _poll(
-    handler: zenoh.Handler[zenoh.Sample], yield_until_ns: int, step_s: float, deadline_ns: int
-) -> zenoh.Sample | None:
-    """Poll, giving the core away between polls; later on sleep between them."""
-    # The sleep lets in threads of lower priority too, should only the loop have SCHED_FIFO.
-    poll, now, give_way = handler.try_recv, time.monotonic_ns, os.sched_yield
-    while True:
-        sample = poll()
-        if sample is not None:
-            return sample
-        now_ns = now()
-        if now_ns >= deadline_ns:
-            return None
-        if now_ns < yield_until_ns:
-            give_way()
-        else:
-            time.sleep(min(step_s, (deadline_ns - now_ns) * 1e-9))
 
 
 def give_back(*closers: Callable[[], object]) -> None:
@@ -195,7 +101,8 @@ class ZenohLink:
             node.key(f"frames/{self._peer}"), zenoh.handlers.RingChannel(_CAPACITY)
         )
         self._handler = self._subscriber.handler
-        self._polling = _LockstepPolling() if node.lockstep else _RealTimePolling(period_ns)
+        lockstep = LockstepPolling(self.receive) if node.lockstep else None
+        self._polling = lockstep or RealTimePolling(self.receive, period_ns)
         self._sent = self._received = self._errors = 0
         self._closed = False
 
@@ -223,11 +130,7 @@ class ZenohLink:
         batch = self.receive()
         if batch is not None or timeout_ns <= 0 or self._closed:
             return batch
-        sample = self._polling.poll(self._handler, timeout_ns)
-        if sample is None:
-            return None
-        self._received += 1
-        return sample.payload.to_bytes()
+        return self._polling.wait(timeout_ns)
 
     def peer_alive(self) -> bool:
         """Whether the peer's process takes part; false at once when it closes or is killed."""

@@ -53,9 +53,15 @@ def _pack_source(layout: Layout) -> list[str]:
         source += [
             f"{indent}raw = {raw}",
             f"{indent}if not {low} <= raw <= {high}: fail({placed.name!r}, {placed.name})",
-            f"{indent}word |= (raw & {(1 << signal.bits) - 1}) << {placed.start_bit}",
+            f"{indent}word |= {_placed_source(placed)}",
         ]
     return [*source, "    return word"]
+
+
+def _placed_source(placed: Placed) -> str:
+    """Source of a raw value within its range at its place; only a negative one needs a mask."""
+    raw = f"(raw & {(1 << placed.signal.bits) - 1})" if placed.signal.signed else "raw"
+    return f"{raw} << {placed.start_bit}"
 
 
 def _unpack_source(layout: Layout) -> list[str]:
@@ -207,7 +213,7 @@ class DecoderMemory(NamedTuple):
 class Decoder:
     """Batches to messages of one sender; nothing that fails protection or range comes through."""
 
-    __slots__ = ("_streams", "corrupted", "incomplete", "lost", "ok", "out_of_range",
+    __slots__ = ("_once", "_streams", "corrupted", "incomplete", "lost", "ok", "out_of_range",
                  "reordered", "repeated", "unknown")  # fmt: skip
 
     def __init__(self, sender: str) -> None:
@@ -216,6 +222,11 @@ class Decoder:
             for can_id, codec in _CODECS.items()
             if codec.layout.sender == sender
         }
+        self._once = tuple(
+            stream
+            for can_id, stream in self._streams.items()
+            if _CODECS[can_id].layout.per_tick == 1
+        )
         self.ok = self.corrupted = self.repeated = self.reordered = 0
         self.lost = self.out_of_range = self.unknown = self.incomplete = 0
 
@@ -259,6 +270,11 @@ class Decoder:
             return False
         self.lost += delta - 1
         return True
+
+    def in_step(self) -> bool:
+        """Whether what is sent once a tick came last from one and the same tick of the sender."""
+        first, second = self._once
+        return first.counter == second.counter
 
     def forget_counters(self) -> None:
         """Accept any counter next: after a silence the sender may have been restarted."""

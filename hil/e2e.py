@@ -15,8 +15,9 @@ _FINAL_XOR: Final = 0xFF
 _COVERED_BYTES: Final = 8  # seven of the frame and the data identifier
 
 COUNTER_MODULO: Final = 16
-MAX_DELTA: Final = 7
-"""Counter steps 2 to 7 are losses; 8 to 15 are frames older than the last one: reordered."""
+MAX_DELTA: Final = 11
+"""Counter steps 2 to 11 are losses, more than a stale sample waits for; 12 to 15 are frames older
+than the last one: reordered."""
 
 
 def _crc_step(crc: int) -> int:

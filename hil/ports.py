@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 class Link(Protocol):
@@ -38,6 +38,14 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Give everything back; the link cannot be used again."""
+
+
+@runtime_checkable
+class Noticing(Protocol):
+    """A link whose bus reports errors of its own."""
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return (code, text) of what the bus reported since the last time."""
 
 
 class Clock(Protocol):

@@ -12,6 +12,9 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, get_type_hints
 
+MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of an MCAP file
+LIBRARY = "fpeg-hil log "  # in the header of our files, before the version of the format
+FORMAT = 1  # goes up when a reader of the version before would misunderstand the topics
 CDR_LE = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little endian
 MESSAGE = 0x05  # opcode of an MCAP Message record
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time

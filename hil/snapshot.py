@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from enum import IntEnum
-from functools import lru_cache
+from functools import cache
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from hil.errors import LogError
@@ -37,11 +37,12 @@ def dumps(state: Any) -> str:  # noqa: ANN401
 
     Raises: TypeError when a field is of a kind that cannot be written exactly
     """
-    form = _form(type(state))
+    kind: Any = type(state)
+    form = _form(kind)
     return json.dumps(state if form.write is None else form.write(state), separators=(",", ":"))
 
 
-def loads(kind: type[Any], text: str) -> Any:  # noqa: ANN401
+def loads(kind: Hashable, text: str) -> Any:  # noqa: ANN401
     """Return the state of that class that the text holds.
 
     Raises: LogError when the text is of another class, or of one that has changed since
@@ -51,27 +52,38 @@ def loads(kind: type[Any], text: str) -> Any:  # noqa: ANN401
         tree = json.loads(text)
         return tree if form.read is None else form.read(tree)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        why = str(error) or type(error).__name__
-        raise LogError(f"a snapshot that is no {kind.__name__} of today: {why}") from None
+        name, why = getattr(kind, "__name__", kind), str(error) or type(error).__name__
+        raise LogError(f"a snapshot that is no {name} of today: {why}") from None
 
 
-@lru_cache(maxsize=None)
-def _form(hint: Any) -> _Form:  # noqa: ANN401
+@cache
+def _form(hint: Hashable) -> _Form:
     """Return how values of a hint are written and read."""
-    if hint in _SCALARS:
-        return _AS_IS
-    if hint is Any:
-        return _Form(_write_any, _read_any)
+    plain = _plain(hint)
+    if plain is not None:
+        return plain
     origin = get_origin(hint)
     if origin in (Union, types.UnionType):
         return _union(get_args(hint))
     if origin is tuple:
         return _tuple(get_args(hint))
-    if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return _Form(None, hint)
     if _is_named_tuple(hint):
         return _named(hint)
-    raise TypeError(f"{hint} has no exact text: numbers, strings, tuples and NamedTuples have")
+    kinds = "numbers, strings, bytes, tuples and NamedTuples"
+    raise TypeError(f"{hint} has no exact text: {kinds} have")
+
+
+def _plain(hint: Hashable) -> _Form | None:
+    """A hint that needs no look inside: a number, a text, bytes, an IntEnum, or anything."""
+    if hint in _SCALARS:
+        return _AS_IS
+    if hint is bytes:
+        return _Form(bytes.hex, bytes.fromhex)
+    if hint is Any:
+        return _Form(_write_any, _read_any)
+    if isinstance(hint, type) and issubclass(hint, IntEnum):
+        return _Form(None, hint)
+    return None
 
 
 def _is_named_tuple(kind: object) -> bool:
@@ -162,7 +174,7 @@ def _choice(named: dict[str, Any], kinds: list[Any]) -> _Form:
 def _write_any(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, _SCALARS) and not isinstance(value, IntEnum):
         return value
-    kind = type(value)
+    kind: Any = type(value)
     writer = _form(kind).write
     name = f"{kind.__module__}:{kind.__qualname__}"
     return {name: value if writer is None else writer(value)}
@@ -173,7 +185,7 @@ def _read_any(tree: Any) -> Any:  # noqa: ANN401
         return tree
     ((name, fields),) = tree.items()
     module, _, qualified = name.partition(":")
-    kind = getattr(sys.modules.get(module), qualified, None)
+    kind: Any = getattr(sys.modules.get(module), qualified, None)
     if not (_is_named_tuple(kind) or (isinstance(kind, type) and issubclass(kind, IntEnum))):
         raise ValueError(f"{name} is no state of today")
     reader = _form(kind).read

@@ -62,6 +62,8 @@ def initial_state(
 
     Returns: the state at t = 0, and the events of that instant
     """
+    if p.detailed is not None:
+        return p.detailed.initial(p, rest_state(p), fuel_kg, load_coefficient_n_s_m), ()
     if fuel_kg is None:
         return rest_state(p), ()
     return settled_state(p, fuel_kg, load_coefficient_n_s_m)

@@ -26,9 +26,9 @@ from plant import events as codes
 from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.machine import MachineOrder
-from plant.memory import LoopMemory
+from plant.memory import LoopMemory, Measured
 from plant.params import PlantParams
-from plant.sensors import Sample, electric_power_w, pressures_pa, sample
+from plant.sensors import electric_power_w, pressures_pa, sample
 from plant.state import Command, PlantState, truth
 from plant.step import step
 
@@ -46,16 +46,6 @@ _SEVERITY: Final = {
     codes.PULSE_REFUSED: topics.WARNING,
     codes.ORDER_REFUSED: topics.WARNING,
 }
-
-
-class Measured(NamedTuple):
-    """One tick's sensors in SI, and the same as frames."""
-
-    sample: Sample
-    p_left_pa: float
-    p_right_pa: float
-    electric_power_w: float
-    batch: bytes
 
 
 class Answer(NamedTuple):
@@ -95,6 +85,8 @@ class PlantLoop:
         self.state = state
         self.peer_lost = False
         self.answered = 0
+        self.missed = 0
+        self._late_max_ns = 0
         self._link = link
         self._pacer = pacer
         self._put = recorder.put
@@ -115,6 +107,7 @@ class PlantLoop:
         """Run the tick, or the one that is due by now; return the tick after it."""
         slot = self._pacer.wait(tick)
         if slot.tick > tick:
+            self.missed += slot.tick - tick
             for missed in range(tick, slot.tick):
                 self._skip(missed, slot)
             self._measured = self._measure()
@@ -128,12 +121,12 @@ class PlantLoop:
         answer = self._understand(arrived)
         before = self.state
         self.state, events = step(self.params, before, answer.command)
-        due = (slot.tick + 1) % self._snapshot_every == 0
-        memory = self.remember() if due else None
         self._measured = self._measure()
         if self._initial_events:
             self._initial_events, events = (), self._initial_events + events
-        self._record(slot, sent_ns, measured, answer, before, events, memory)
+        self._record(slot, sent_ns, measured, answer, before, events)
+        late_ns = slot.woke_ns - slot.scheduled_ns
+        self._late_max_ns = max(self._late_max_ns, late_ns)
         if slot.tick % self._status_every == 0:
             self._tell(slot)
         return slot.tick + 1
@@ -234,7 +227,6 @@ class PlantLoop:
         answer: Answer,
         before: PlantState,
         events: tuple[Event, ...],
-        memory: LoopMemory | None,
     ) -> None:
         """Hand the whole tick to the recorder, after everything that is in a hurry."""
         tick = slot.tick
@@ -254,9 +246,9 @@ class PlantLoop:
             data += self._packed_command(tick, t_ns, answer)
         if events:
             data += _packed_events(tick, t_ns, events)
-        if memory is not None:
-            next_ns = t_ns + self.params.period_ns
-            data += topics.SNAPSHOT.pack(tick + 1, next_ns, snapshot.dumps(memory))
+        if (tick + 1) % self._snapshot_every == 0:
+            text = snapshot.dumps(self.remember())
+            data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
         self._put(data)
 
     def _packed_command(self, tick: int, t_ns: int, answer: Answer) -> bytes:
@@ -277,7 +269,7 @@ class PlantLoop:
         return LoopMemory(
             self.state, self._encoder.remember(), self.decoder.remember(), self._first_tick,
             self._used_tick, self.answered, self._answered_before, self.peer_lost,
-            self._silent_turns, self._throttle,
+            self._silent_turns, self._throttle, self._measured,
         )  # fmt: skip
 
     def recall(self, memory: LoopMemory) -> None:
@@ -285,11 +277,11 @@ class PlantLoop:
         (
             self.state, sent, received, self._first_tick, self._used_tick, self.answered,
             self._answered_before, self.peer_lost, self._silent_turns, self._throttle,
+            self._measured,
         ) = memory  # fmt: skip
         self._encoder.recall(sent)
         self.decoder.recall(received)
         self._initial_events = ()
-        self._measured = self._measure()
 
     def _tell(self, slot: Slot) -> None:
         """Publish how the plant is."""
@@ -300,12 +292,16 @@ class PlantLoop:
                 "t_s": slot.scheduled_ns * 1e-9,
                 "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
                 "late_us": (slot.woke_ns - slot.scheduled_ns) // 1000,
+                "late_max_us": self._late_max_ns // 1000,
+                "missed": self.missed,
                 "contacts": state.contacts,
                 "answered": self.answered,
                 "safe": state.stale >= self.params.stale_ticks,
                 "used_tick": self._used_tick,
+                "reception": self.decoder.counts()._asdict(),
             }
         )
+        self._late_max_ns = 0
 
 
 def _within(value: float, most: float) -> float:

@@ -14,9 +14,11 @@ from drivers.process import (
     guarded,
     last_words,
     note_granted,
+    noting,
     open_recorder,
     read_arguments,
 )
+from drivers.service import ENDLESS, Heart, Service
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
@@ -44,11 +46,13 @@ def make_pacer(scenario: Scenario) -> Pacer:
     """Real time: deadlines and the newest answer, if any. Lockstep: the answer must come."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
-        return RealTimePacer(SystemClock(scenario.realtime.spin_s), period_ns)
+        return RealTimePacer(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
     return LockstepPacer(period_ns, round(scenario.loop.peer_timeout_s * 1e9))
 
 
-def make_loop(scenario: Scenario, connection: Connection, recorder: Recorder) -> PlantLoop:
+def make_loop(
+    scenario: Scenario, connection: Connection, recorder: Recorder, pacer: Pacer | None = None
+) -> PlantLoop:
     """Put parameters, initial state and ports together.
 
     Raises: ConfigError when the run cannot begin as it is asked to
@@ -61,8 +65,9 @@ def make_loop(scenario: Scenario, connection: Connection, recorder: Recorder) ->
         scenario.controller.supervisory.load_coefficient_n_s_m,
     )
     return PlantLoop(
-        params, state, events, link=connection.link, pacer=make_pacer(scenario), recorder=recorder,
-        status=connection.status, status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
+        params, state, events, link=connection.link, pacer=pacer or make_pacer(scenario),
+        recorder=noting(recorder, connection.link), status=connection.status,
+        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
         snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
     )  # fmt: skip
 
@@ -72,8 +77,8 @@ def ticks_of(scenario: Scenario) -> int:
     return round(scenario.run.duration_s * scenario.loop.rate_hz)
 
 
-def run(scenario: Scenario, log: Path | None) -> int:
-    """Run the plant to its end.
+def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+    """Run the plant to its end; as a service, until it is asked to end.
 
     Raises: RunError when the controller was lost, ConfigError, LinkError
     """
@@ -87,18 +92,53 @@ def run(scenario: Scenario, log: Path | None) -> int:
         loop = make_loop(scenario, connection, recorder)
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
-        connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
-        tick, ticks = 0, ticks_of(scenario)
+        wait_for_controller(scenario, connection, stop, service)
+        heart = Heart() if service is None else service.heart
+        ticks = ticks_of(scenario) if service is None else ENDLESS
         start_s = time.perf_counter()
-        while tick < ticks and not stop.requested:
-            tick = loop.turn(tick)
+        tick = turn_until(loop, ticks, stop, heart)
         loop_s = time.perf_counter() - start_s
         last_words({**facts(loop, connection, tick), "granted": granted, "loop_s": loop_s})
     finally:
+        if service is not None and stop.requested:
+            service.ends()
         connection.close()
         recorder.close()
-    raise_if_lost(loop)
+    if service is None:
+        raise_if_lost(loop)
     return 0
+
+
+def wait_for_controller(
+    scenario: Scenario, connection: Connection, stop: Stop, service: Service | None
+) -> None:
+    """Return when the controller takes part.
+
+    Raises: LinkError when it does not within the time
+    """
+    timeout_s = scenario.loop.peer_timeout_s
+    if service is None:
+        connection.link.wait_for_peer(timeout_s)
+    else:
+        service.wait_for_peer(connection.link, "controller", timeout_s, stop)
+
+
+def turn_until(loop: PlantLoop, ticks: int, stop: Stop, heart: Heart) -> int:
+    """Run the loop for so many ticks, or until it is asked to end; returns the tick reached."""
+    tick = 0
+    heart.start(tick)
+    while tick < ticks and not stop.requested:
+        tick = loop.turn(tick)
+        if tick >= heart.next_tick:
+            heart.beat(tick, loop.answered > 0, lambda: describe(loop))
+    return tick
+
+
+def describe(loop: PlantLoop) -> str:
+    """How the plant is, in one line."""
+    state = loop.state
+    how = "safe state" if state.stale >= loop.params.stale_ticks else "controlled"
+    return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
 
 
 def raise_if_lost(loop: PlantLoop) -> None:

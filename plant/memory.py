@@ -5,7 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hil.codec import DecoderMemory
+from plant.sensors import Sample
 from plant.state import PlantState
+
+
+class Measured(NamedTuple):
+    """One tick's sensors in SI, and the same as frames."""
+
+    sample: Sample
+    p_left_pa: float
+    p_right_pa: float
+    electric_power_w: float
+    batch: bytes
 
 
 class LoopMemory(NamedTuple):
@@ -21,3 +32,4 @@ class LoopMemory(NamedTuple):
     peer_lost: bool
     silent_turns: int
     throttle: float
+    measured: Measured

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple, cast
 
-from hil.config.plant import PlantConfig, PlantEvent, SensorConfig
+from hil.config.plant import DETAILED_MODELS, PlantConfig, PlantEvent, SensorConfig
 from hil.errors import ConfigError
 from hil.prototypes import Prototype
 from plant.disturbances import Edge, compile_edges
 from plant.nonlinear import CONTACT_GAP_M
+
+if TYPE_CHECKING:
+    from plant.detailed.plant import DetailedPlant
 
 SECOND_NS = 1_000_000_000
 
@@ -53,6 +57,8 @@ class PlantParams(NamedTuple):
     names: tuple[str, ...]
     events: tuple[PlantEvent, ...]
     edges: tuple[Edge, ...]
+    delay_ticks: int = 0
+    detailed: DetailedPlant | None = None
 
 
 def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Engine:
@@ -71,6 +77,14 @@ def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Eng
         rest_stiffness_n_m=prototype.rest_stiffness_n_m,
         restitution=restitution,
     )
+
+
+def _detailed(config: PlantConfig) -> DetailedPlant | None:
+    """Build the compiled engine of a detailed model; its library is not needed for any other."""
+    if config.model not in DETAILED_MODELS:
+        return None
+    module = import_module("plant.detailed.plant")
+    return cast("DetailedPlant", module.build(config))
 
 
 def plant_params(
@@ -107,4 +121,6 @@ def plant_params(
         names=tuple(named),
         events=tuple(named.values()),
         edges=compile_edges(tuple(named.values())),
+        delay_ticks=config.command_delay_ticks,
+        detailed=_detailed(config),
     )

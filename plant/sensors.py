@@ -71,6 +71,8 @@ def pressures_pa(engine: Engine, s: PlantState) -> tuple[float, float]:
 
     dp = E CR^gamma / (A Ls)     (thesis eqs. 5.9 to 5.19, exponents corrected)
     """
+    if s.gas is not None:
+        return s.gas.p_left_pa, s.gas.p_right_pa
     size, gamma = engine.half_stroke_m, engine.gamma
     left = (size / max(size + s.x_m, _NEAREST_M)) ** gamma
     right = (size / max(size - s.x_m, _NEAREST_M)) ** gamma
@@ -82,5 +84,7 @@ def pressures_pa(engine: Engine, s: PlantState) -> tuple[float, float]:
 
 def electric_power_w(s: PlantState) -> float:
     """Power P = c v^2 - F v: delivered as generator, taken up (negative) as motor."""
+    if s.gas is not None:
+        return s.gas.electric_power_w
     v = s.v_m_s
     return s.machine.load_coefficient_n_s_m * v * v - s.machine.force_n * v

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from plant.actuation import PulseOrder, PulseTable
 from plant.combustion import Stroke
+from plant.detailed.types import GasState
 from plant.disturbances import Disturbances
 from plant.machine import Machine, MachineOrder
 from plant.models import Path
@@ -33,7 +34,10 @@ class DeadCentre(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """The truth at the start of a tick; `tau_s` counts from the start of the stroke."""
+    """The truth at the start of a tick; `tau_s` counts from the start of the stroke.
+
+    waiting: commands that have arrived and do not act yet, the oldest first
+    """
 
     tick: int
     x_m: float
@@ -48,6 +52,8 @@ class PlantState(NamedTuple):
     dead_centre: DeadCentre
     stale: int
     contacts: int
+    waiting: tuple[Command | None, ...] = ()
+    gas: GasState | None = None
 
 
 class Truth(NamedTuple):

@@ -36,6 +36,10 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     Returns: the state at the start of the next tick, and what happened in this one, in order
     """
     events: list[Event] = []
+    if p.delay_ticks:
+        s, command = _delayed(p, s, command)
+    if p.detailed is not None:
+        return p.detailed.step(p, s, command)
     s = _silence(p, s, events) if command is None else _take(p, s, command, events)
     end_ns = (s.tick + 1) * p.period_ns
     tau = s.tau_s + p.dt_s
@@ -47,9 +51,22 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     return s, tuple(events)
 
 
+def _delayed(
+    p: PlantParams, s: PlantState, command: Command | None
+) -> tuple[PlantState, Command | None]:
+    """Put a command behind those that wait; what came `delay_ticks` ago acts now.
+
+    Before the first one acts, the plant goes on as it began.
+    """
+    waiting = (*s.waiting, command)
+    if len(waiting) <= p.delay_ticks:
+        return s._replace(waiting=waiting), Command()
+    return s._replace(waiting=waiting[1:]), waiting[0]
+
+
 def _plain_tick(p: PlantParams, s: PlantState, tau: float) -> PlantState | None:
     """Move through a tick in which nothing happens; None when something does."""
-    (tick, x, v, _, moving, path, stroke, machine, pulses, d, dc, stale, contacts) = s
+    (tick, x, v, _, moving, path, stroke, machine, pulses, d, dc, stale, contacts, waiting, _) = s
     if moving:
         if not isinstance(path, Segment) or path.regime != UNDERDAMPED:
             return None
@@ -58,7 +75,7 @@ def _plain_tick(p: PlantParams, s: PlantState, tau: float) -> PlantState | None:
         if v * direction <= 0.0 or x * direction >= p.engine.contact_m:
             return None
     return PlantState(
-        tick + 1, x, v, tau, moving, path, stroke, machine, pulses, d, dc, stale, contacts
+        tick + 1, x, v, tau, moving, path, stroke, machine, pulses, d, dc, stale, contacts, waiting
     )
 
 

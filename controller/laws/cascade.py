@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controller.laws.interface import Demand, Law, StrokeFacts
+from controller.laws.interface import Demand, Handover, Law, StrokeFacts
 from controller.laws.pi import pi_step
 from hil.config.controller import ControllerConfig
 
@@ -36,4 +36,12 @@ def step(
     return CascadeState(outer, inner), demand
 
 
-LAW = Law("cascade", CascadeState(), step)
+def take_over(config: ControllerConfig, handover: Handover) -> CascadeState:
+    """The integrals with which the loops ask for the speed and the fuel that are there."""
+    point, burnt = handover.point, handover.burnt_kg
+    v_max = config.cascade.v_correction_max_m_s
+    outer = min(max(handover.v_mid_m_s - point.v_mid_m_s, -v_max), v_max)
+    return CascadeState(outer, 0.5 * (burnt[0] + burnt[1]) - point.fuel_kg)
+
+
+LAW = Law("cascade", CascadeState(), step, take_over=take_over)

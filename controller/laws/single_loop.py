@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controller.laws.interface import Demand, Law, StrokeFacts
+from controller.laws.interface import Demand, Handover, Law, StrokeFacts
 from controller.laws.pi import pi_step
 from hil.config.controller import ControllerConfig
 
@@ -33,4 +33,10 @@ def step(
     return SingleLoopState(integral), demand
 
 
-LAW = Law("single-loop", SingleLoopState(), step)
+def take_over(config: ControllerConfig, handover: Handover) -> SingleLoopState:
+    """The integral with which the loop asks for the fuel that is there."""
+    burnt = handover.burnt_kg
+    return SingleLoopState(0.5 * (burnt[0] + burnt[1]) - handover.point.fuel_kg)
+
+
+LAW = Law("single-loop", SingleLoopState(), step, take_over=take_over)

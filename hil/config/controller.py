@@ -8,7 +8,9 @@ from pydantic import Field
 
 from hil.config.base import Section
 
-ControllerName = Literal["cascade", "single-loop", "open-loop"]
+ControllerName = Literal[
+    "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
+]
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=6.0e-6)]
@@ -46,16 +48,116 @@ class OpenLoopConfig(Section):
     fuel_kg: FuelKg | None = None
 
 
+class LearningConfig(Section):
+    """How the model-based laws learn what share of the fuel acts, by cylinder.
+
+    gain: part of what a stroke shows that is believed
+    most: largest error of a charge that one stroke may show, as a share
+    load_change: change of the load within a stroke, as a share, from which it teaches nothing
+    inertia_gain: part of what a stroke's duration shows of the moving mass that is believed
+    near_m: distance from the set point within which a law that takes over learns from the fuel
+    offset_m: largest error of a predicted dead centre that is taken up
+    """
+
+    gain: float = Field(default=0.2, ge=0.0, le=1.0)
+    inertia_gain: float = Field(default=0.15, ge=0.0, le=1.0)
+    most: float = Field(default=0.2, gt=0.0, le=1.0)
+    load_change: float = Field(default=0.04, gt=0.0, le=1.0)
+    share_min: float = Field(default=0.5, gt=0.0, le=1.0)
+    share_max: float = Field(default=2.0, ge=1.0, le=5.0)
+    near_m: float = Field(default=0.3e-3, gt=0.0, le=0.01)
+    offset_m: float = Field(default=2.0e-3, ge=0.0, le=0.01)
+
+
+class LoadEstimateConfig(Section):
+    """The load from electric power and velocity.
+
+    slowest_m_s: below this speed the power tells nothing of the load
+    drift: standard deviation by which the scale of the load moves from one measurement to the next
+    gate: innovations beyond so many standard deviations are a load step
+    step_min: least change of the scale that counts as one
+    retrim: change of the load, as a share, that is worth another fuel
+    """
+
+    slowest_m_s: float = Field(default=0.4, gt=0.0, le=5.0)
+    power_grid_w: float = Field(default=0.6, gt=0.0, le=100.0)
+    drift: float = Field(default=3.0e-4, ge=0.0, le=0.1)
+    gate: float = Field(default=4.5, gt=0.0, le=100.0)
+    step_min: float = Field(default=5.0e-3, ge=0.0, le=1.0)
+    noise_floor_m_s: float = Field(default=1.0e-3, gt=0.0, le=1.0)
+    noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
+    retrim: float = Field(default=2.0e-3, ge=0.0, le=1.0)
+
+
+class PdfConfig(Section):
+    """Where the load that is fed forward comes from: measured power, or the command alone."""
+
+    load_from: Literal["power", "command"] = "power"
+
+
+class PredictiveConfig(Section):
+    """The load from mid-stroke velocity; all are shares of the load.
+
+    drift: standard deviation by which the load moves in a stroke
+    gate: innovations beyond so many standard deviations are a load step
+    poor_map_trust: part of an inference that is believed where the map of a stroke is a poor one
+    """
+
+    poor_map_trust: float = Field(default=0.2, gt=0.0, le=1.0)
+    drift: float = Field(default=4.0e-3, ge=0.0, le=1.0)
+    gate: float = Field(default=3.0, gt=0.0, le=100.0)
+    noise_floor: float = Field(default=1.0e-3, gt=0.0, le=1.0)
+    noise_gain: float = Field(default=0.1, ge=0.0, le=1.0)
+
+
+class ObserverConfig(Section):
+    """The extended state observer.
+
+    drift_n_s_m, drift_m_s: standard deviations by which load and velocity move in a tick unforeseen
+    step_min_m_s, slowest_m_s: least innovation and least speed at which one is a load step
+    charge_spread: standard deviation of a charge about what was asked for, as a share
+    load_jump: size of a load step, as a share, that an innovation beyond the gate stands for
+    """
+
+    drift_n_s_m: float = Field(default=0.3, ge=0.0, le=100.0)
+    drift_m_s: float = Field(default=3.0e-4, ge=0.0, le=1.0)
+    slowest_m_s: float = Field(default=0.7, ge=0.0, le=5.0)
+    charge_spread: float = Field(default=0.01, gt=0.0, le=1.0)
+    load_jump: float = Field(default=0.2, gt=0.0, le=1.0)
+    gate: float = Field(default=4.0, gt=0.0, le=100.0)
+    step_min_m_s: float = Field(default=6.0e-3, ge=0.0, le=1.0)
+    noise_floor_m_s: float = Field(default=2.0e-3, gt=0.0, le=1.0)
+    noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
+
+
+class MachineLawConfig(Section):
+    """The machine's part within a stroke.
+
+    gain: share of the predicted TDC error that one tick's order is to remove
+    least, most: limits of the load as shares of the one that the supervisory layer wants
+    begin_s: time after a dead centre before which the load is left alone
+    release_s: time before the dead centre from which the load is let go
+    """
+
+    gain: float = Field(default=0.8, gt=0.0, le=1.0)
+    least: float = Field(default=0.3, ge=0.0, le=1.0)
+    most: float = Field(default=2.0, ge=1.0, le=5.0)
+    begin_s: float = Field(default=2.0e-3, ge=0.0, le=0.1)
+    release_s: float = Field(default=1.0e-3, ge=0.0, le=0.1)
+
+
 class StartConfig(Section):
     """Starting by motoring in resonance (thesis section 6.1.3, level 1).
 
     force_n: limit of the motoring force
+    constant_force: that force throughout (App. I eq. 24), whatever the air springs would need
     amplitude_ratio: amplitude that motoring aims at, as a share of the TDC set point
     ignition_ratio: amplitude from which a stroke may be fired, likewise
     open_strokes: fired strokes on the steady fuel before the law takes over
     """
 
     force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
+    constant_force: bool = False
     amplitude_ratio: float = Field(default=0.90, gt=0.1, le=1.1)
     ignition_ratio: float = Field(default=0.80, gt=0.1, le=1.1)
     open_strokes: int = Field(default=3, ge=1, le=100)
@@ -72,13 +174,26 @@ class SupervisoryConfig(Section):
 
 
 class TimingConfig(Section):
-    """When edges are placed (level 4)."""
+    """When edges are placed (level 4).
 
+    act_ticks: ticks after a sample from which its answer is sure to act; what is due before stays
+    spark_position_m: where the spark is, as distance from mid-stroke; else it comes
+        spark_advance_s before the predicted dead centre
+    fires: which strokes end in a combustion, over and over from the first one of the run
+    trim_reserve: room behind an injection for more fuel, as a share of it, where the law may trim
+    trim_margin_s: time before the dead centre by which also such fuel has flowed
+    """
+
+    spark_position_m: float | None = Field(default=None, gt=0.0, le=0.05)
+    fires: tuple[bool, ...] = Field(default=(True,), min_length=1, max_length=8)
     spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
     spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
     injection_lead_ticks: int = Field(default=3, ge=1, le=20)
     injection_margin_s: float = Field(default=1.0e-3, ge=0.0, le=5.0e-3)
+    act_ticks: int = Field(default=1, ge=1, le=20)
+    trim_reserve: float = Field(default=0.35, ge=0.0, le=1.0)
+    trim_margin_s: float = Field(default=0.3e-3, ge=0.0, le=5.0e-3)
 
 
 class InjectorKnowledge(Section):
@@ -108,6 +223,17 @@ class Preset(Section):
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
 
 
+class Tuning(Section):
+    """Where the gains of a law come from; for people, nothing acts on it."""
+
+    law: ControllerName
+    objective: str
+    cells: tuple[str, ...] = ()
+    method: str = ""
+    cost: float
+    cost_before: float
+
+
 class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
@@ -117,9 +243,16 @@ class ControllerConfig(Section):
     cascade: CascadeConfig = CascadeConfig()
     single_loop: SingleLoopConfig = SingleLoopConfig()
     open_loop: OpenLoopConfig = OpenLoopConfig()
+    pdf: PdfConfig = PdfConfig()
+    predictive: PredictiveConfig = PredictiveConfig()
+    observer: ObserverConfig = ObserverConfig()
+    machine: MachineLawConfig = MachineLawConfig()
+    learning: LearningConfig = LearningConfig()
+    load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()
     supervisory: SupervisoryConfig = SupervisoryConfig()
     timing: TimingConfig = TimingConfig()
     injector: InjectorKnowledge = InjectorKnowledge()
     limits: LimitsConfig = LimitsConfig()
     preset: Preset = Preset()
+    tuning: Tuning | None = None

@@ -23,7 +23,12 @@ from hil.prototypes import (
     TemperatureK,
 )
 
-Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
+Model = Literal[
+    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting"
+]
+DETAILED_MODELS = ("two-stroke", "four-stroke", "starting")
+"""Models of the gas in full: compiled, with a calibration of their own."""
+
 Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 FlowScale = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -86,6 +91,9 @@ class PlantConfig(_Strict):
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05)] = 3.0e-3
     contact_restitution: Annotated[float, Field(ge=0.0, le=0.95)] = 0.5
     stale_ticks: Annotated[int, Field(ge=1, le=10_000)] = 10
+    command_delay_ticks: Annotated[
+        int, Field(ge=0, le=20, description="ticks by which commands act later than the wire's one")
+    ] = 0
 
     def resolved_prototype(self) -> Prototype:
         """Return the prototype with this configuration's replacements, checked as a whole."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hil.config.base import Section
 
@@ -56,7 +56,23 @@ class LinkConfig(Section):
 
     kind: LinkName = "zenoh"
     bus: str | None = Field(default=None, pattern=r"^[a-z0-9_]+:.+$")
+    bitrate_bit_s: int = Field(default=1_000_000, ge=10_000, le=1_000_000)
+    wire_timing: bool = Field(default=False, description="zenoh bus: frames take their time")
     zenoh: ZenohConfig = ZenohConfig()
+
+    @model_validator(mode="after")
+    def _can_has_a_bus(self) -> LinkConfig:
+        if self.kind == "can" and self.bus is None:
+            raise ValueError(
+                "kind = 'can' needs bus = 'INTERFACE:CHANNEL' (--bus), as in zenoh:can0,"
+                " socketcan:vcan0"
+            )
+        return self
+
+    def bus_parts(self) -> tuple[str, str]:
+        """Interface and channel of the bus."""
+        interface, _, channel = (self.bus or ":").partition(":")
+        return interface, channel
 
 
 class RealtimeConfig(Section):
@@ -74,3 +90,12 @@ class LogConfig(Section):
     enabled: bool = True
     plant: Path | None = None
     controller: Path | None = None
+    segment_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 50)
+    segment_s: float | None = Field(default=None, gt=0.0, le=1e6)
+    retain_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 60)
+
+    @model_validator(mode="after")
+    def _retaining_needs_segments(self) -> LogConfig:
+        if self.retain_bytes is not None and self.segment_bytes is self.segment_s is None:
+            raise ValueError("retain_bytes needs segment_bytes or segment_s")
+        return self

@@ -6,8 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from hil.busload import check_fit
 from hil.config.base import Section
-from hil.config.controller import ControllerConfig
+from hil.config.controller import ControllerConfig, ControllerName
+from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
 
@@ -15,10 +17,11 @@ from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig
 class OperatorEvent(Section):
     """A command of the operator at a given time, as if it came over the command key."""
 
-    kind: Literal["start", "stop", "set-point"]
+    kind: Literal["start", "stop", "set-point", "law"]
     at_s: float = Field(ge=0.0, le=86_400.0)
     tdc_ref_m: float | None = Field(default=None, gt=0.0, le=0.05)
     target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
+    law: ControllerName | None = None
 
     @model_validator(mode="after")
     def _set_point_has_a_value(self) -> OperatorEvent:
@@ -27,6 +30,8 @@ class OperatorEvent(Section):
             raise ValueError(
                 "tdc_ref_m or target_power_w belongs to kind = 'set-point', and only there"
             )
+        if (self.kind == "law") != (self.law is not None):
+            raise ValueError("law belongs to kind = 'law', and only there")
         return self
 
 
@@ -67,8 +72,15 @@ class Scenario(Section):
     log: LogConfig = LogConfig()
     plant: PlantConfig = PlantConfig()
     controller: ControllerConfig = ControllerConfig()
+    outputs: OutputsConfig = OutputsConfig()
     events: dict[str, Event] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _bus_carries_the_rate(self) -> Scenario:
+        if self.link.kind == "can":
+            check_fit(self.loop.rate_hz, self.link.bitrate_bit_s)
+        return self
 
     @model_validator(mode="after")
     def _expectations_name_events(self) -> Scenario:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import zlib
+from io import BytesIO
 from typing import IO, Any
 
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.records import Chunk, ChunkIndex
+from mcap.opcode import Opcode
+from mcap.records import Chunk
 from numpy.typing import NDArray
 
+from hil.log.summary import ChunkPlace, read_at
 from hil.records import CDR_LE, MESSAGE, PAYLOAD_OFFSET
 
 MAX_CHUNK_BYTES = 1 << 30
@@ -29,13 +32,17 @@ _HEAD = np.dtype(
 _CDR = int.from_bytes(CDR_LE, "little")
 
 
-def chunk_bytes(file: IO[bytes], index: ChunkIndex) -> bytes:
+def chunk_bytes(file: IO[bytes], place: ChunkPlace) -> bytes:
     """Return the records of a chunk, decompressed and checked against its CRC.
 
     Raises: ValueError when the chunk is not what its header and index say
     """
-    file.seek(index.chunk_start_offset + 9)
-    chunk = Chunk.read(ReadDataStream(file))
+    return unpacked(read_at(file, place.offset, Opcode.CHUNK))
+
+
+def unpacked(body: bytes) -> bytes:
+    """Return the records in the body of a Chunk record; ValueError as above."""
+    chunk = Chunk.read(ReadDataStream(BytesIO(body)))
     if chunk.uncompressed_size > MAX_CHUNK_BYTES:
         raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes, at most {MAX_CHUNK_BYTES}")
     data = _decompress(chunk)
@@ -53,19 +60,33 @@ def _decompress(chunk: Chunk) -> bytes:
         if claimed not in (zstandard.CONTENTSIZE_UNKNOWN, chunk.uncompressed_size):
             raise ValueError(f"{claimed} bytes, {chunk.uncompressed_size} expected")
         data = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        data = _expand(chunk)
     elif chunk.compression == "":
         data = chunk.data
     else:
-        raise ValueError(f"compression {chunk.compression!r}: accepted are zstd and none")
+        raise ValueError(f"compression {chunk.compression!r}: accepted are zstd, lz4 and none")
     return data
 
 
-def message_offsets(file: IO[bytes], index: ChunkIndex, channel: int) -> NDArray[np.int64]:
+def _expand(chunk: Chunk) -> bytes:
+    """Decompress lz4, which other writers use, to no more than the size that is told."""
+    import lz4.frame  # noqa: PLC0415  # comes with mcap; our own files never need it
+
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    try:
+        data: bytes = decompressor.decompress(chunk.data, chunk.uncompressed_size + 1)
+    except EOFError:
+        raise ValueError("the compressed data are cut off") from None
+    return data
+
+
+def message_offsets(file: IO[bytes], place: ChunkPlace, channel: int) -> NDArray[np.int64]:
     """Return where the messages of a channel lie in their chunk, in the order of the file."""
-    file.seek(index.message_index_offsets[channel])
+    file.seek(place.indexes[channel])
     head = file.read(_INDEX_HEAD)
     size = int.from_bytes(head[11:15], "little")
-    if size > index.message_index_length or size % 16:
+    if size > place.index_bytes or size % 16:
         raise ValueError(f"a message index of {size} bytes")
     return np.frombuffer(file.read(size), dtype="<i8")[1::2]
 

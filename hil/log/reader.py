@@ -1,80 +1,45 @@
 """Read a log: fixed-size topics as numpy blocks, events and frames one by one.
 
 What a topic's bytes mean is taken from the definition in the file, not from today's declaration,
-so a log stays readable when a topic has got another field.
+so a log stays readable when a topic has got another field. A log that was written in segments
+(`plant.0001.mcap`, `plant.0002.mcap`, ... and last `plant.mcap`) reads as one.
 """
 
 from __future__ import annotations
 
-import struct
-from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zstandard
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
-from mcap.records import Channel, ChunkIndex, Schema
-from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from hil.errors import LogError
-from hil.log import chunks
-from hil.records import PAYLOAD_OFFSET, Field, Layout, parse_definition
+from hil.log.part import ALWAYS, Attachment, Part, Span, TopicInfo, open_part
+from hil.segments import segments_before
 
-_BROKEN = (
-    McapError,
-    ValueError,
-    KeyError,
-    OSError,
-    RuntimeError,
-    struct.error,
-    zstandard.ZstdError,
-)
-
-_named_tuple: Any = namedtuple  # the fields come from the file, no type checker can know them
-
-
-class TopicInfo(NamedTuple):
-    """A topic of a log: its fields with types and units, and how many messages it has."""
-
-    name: str
-    fields: tuple[Field, ...]
-    messages: int
-    channel_id: int
-    layout: Layout
-
-
-class Attachment(NamedTuple):
-    """A file that a log carries."""
-
-    name: str
-    media_type: str
-    content: bytes
+if TYPE_CHECKING:
+    import pandas
+    import polars
 
 
 class Log:
     """An open log. Its methods raise LogError, naming the file, when the bytes are damaged."""
 
-    def __init__(self, path: Path, file: IO[bytes]) -> None:
+    def __init__(self, path: Path, parts: list[Part]) -> None:
         self.path = path
-        self._file = file
-        try:
-            reader = make_reader(file, validate_crcs=True)
-            summary = reader.get_summary()
-            if summary is None or summary.statistics is None:
-                raise ValueError("it has no summary")
-            self._summary = summary
-            self.topics = _topics(summary)
-            self.metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-            self.attachments = _attachments(reader)
-        except _BROKEN as error:
-            raise self._error(f"no complete MCAP log: {_why(error)}") from None
-        self.start_ns: int = summary.statistics.message_start_time
-        self.end_ns: int = summary.statistics.message_end_time
+        self.parts = parts
+        first, last = parts[0], parts[-1]
+        self.metadata = first.metadata | last.metadata
+        self.attachments: dict[str, Attachment] = last.attachments
+        self.topics = self._topics()
+        filled = [part for part in parts if part.messages]
+        self.start_ns = filled[0].start_ns if filled else first.start_ns
+        self.end_ns = filled[-1].end_ns if filled else last.end_ns
+        number = first.metadata.get("segment", {}).get("number", "1")
+        self.continues = number != "1" or "continues" in first.metadata
+        """Whether what came before the first message is not in it."""
 
     def __enter__(self) -> Log:
         return self
@@ -88,56 +53,49 @@ class Log:
         self.close()
 
     def close(self) -> None:
-        """Close the file; arrays that were read stay valid."""
-        self._file.close()
+        """Close the files; arrays that were read stay valid."""
+        for part in self.parts:
+            part.file.close()
 
-    def blocks(self, topic: str) -> Iterator[NDArray[Any]]:
+    def blocks(self, topic: str, span: Span = ALWAYS) -> Iterator[NDArray[Any]]:
         """Yield the messages of a fixed-size topic as one structured array per chunk.
 
         Fields have the names, types and units of `topics[topic].fields`; the memory needed is
-        that of one chunk, whatever the length of the log.
+        that of one chunk, whatever the length of the log. With a `span` only the chunks that the
+        index names for it are read.
 
         Raises: LogError when there is no such topic or its messages vary in size
         """
-        info = self._topic(topic)
-        if info.layout.variable:
-            raise self._error(f"{topic} varies in size: read it with records()")
-        dtype = np.dtype(info.layout.numpy_spec)
-        for data, offsets, sizes in self._chunks(info):
-            if (sizes != dtype.itemsize).any():
-                raise self._error(f"{topic} has messages that are not {dtype.itemsize} bytes long")
-            yield chunks.gather(data, offsets, PAYLOAD_OFFSET, dtype)
+        if self._topic(topic).layout.variable:
+            raise self.error(f"{topic} varies in size: read it with records()")
+        for part in self.parts:
+            if topic in part.topics:
+                yield from part.blocks(topic, span)
 
-    def array(self, topic: str) -> NDArray[Any]:
+    def array(self, topic: str, span: Span = ALWAYS) -> NDArray[Any]:
         """Return all messages of a fixed-size topic as one structured array.
 
         Raises: LogError as `blocks`
         """
-        info = self._topic(topic)
-        blocks = list(self.blocks(topic))
+        blocks = list(self.blocks(topic, span))
         # Filled in place, since np.concatenate would pack the fields against their alignment.
-        whole = np.empty(sum(map(len, blocks)), np.dtype(info.layout.numpy_spec))
+        spec = self._topic(topic).layout.numpy_spec
+        whole = np.empty(sum(map(len, blocks)), np.dtype(spec))
         start = 0
         for block in blocks:
             whole[start : start + len(block)] = block
             start += len(block)
         return whole
 
-    def records(self, topic: str) -> Iterator[Any]:
+    def records(self, topic: str, span: Span = ALWAYS) -> Iterator[Any]:
         """Yield the messages of any topic as named tuples, in the order of the file.
 
         Raises: LogError when there is no such topic
         """
-        info = self._topic(topic)
-        record = _named_tuple("Record", [field.name for field in info.fields])
-        for data, offsets, sizes in self._chunks(info):
-            starts = offsets + PAYLOAD_OFFSET
-            for start, end in zip(starts.tolist(), (starts + sizes).tolist(), strict=True):
-                try:
-                    values = info.layout.unpack(data[start:end])
-                except ValueError as error:
-                    raise self._error(f"{topic}: {error}") from None
-                yield record._make(values)
+        self._topic(topic)
+        for part in self.parts:
+            if topic in part.topics:
+                yield from part.records(topic, span)
 
     def frames(self, direction: str) -> Iterator[tuple[int, int, bytes]]:
         """Yield (tick, t_ns, batch) of the frames that were "sent" or "received".
@@ -147,74 +105,74 @@ class Log:
         for record in self.records(f"/frames/{direction}"):
             yield tuple(record)
 
-    def _chunks(self, info: TopicInfo) -> Iterator[tuple[bytes, NDArray[Any], NDArray[Any]]]:
-        """Yield records, offsets and payload sizes of each chunk that has the topic."""
-        for index in self._summary.chunk_indexes:
-            if info.channel_id not in index.message_index_offsets:
-                continue
-            try:
-                found = self._read_chunk(index, info.channel_id)
-            except _BROKEN as error:
-                place = f"chunk at byte {index.chunk_start_offset}"
-                raise self._error(f"damaged {place}: {_why(error)}") from None
-            yield found
+    def raw(self, span: Span = ALWAYS) -> Iterator[bytes]:
+        """Yield the Message records of each chunk as they were put, one after the other.
 
-    def _read_chunk(
-        self, index: ChunkIndex, channel: int
-    ) -> tuple[bytes, NDArray[np.int64], NDArray[np.int64]]:
-        data = chunks.chunk_bytes(self._file, index)
-        offsets = chunks.message_offsets(self._file, index, channel)
-        return data, offsets, chunks.check_heads(data, offsets, channel)
+        Raises: LogError when a chunk is damaged
+        """
+        for part in self.parts:
+            yield from part.raw(span)
+
+    def pandas(self, topic: str, span: Span = ALWAYS) -> pandas.DataFrame:
+        """Return a topic as a pandas frame; `frame.attrs["units"]` has the units by column.
+
+        Raises: LogError when there is no such topic, MissingExtraError without pandas
+        """
+        from hil.log.tables import pandas_frame  # noqa: PLC0415  # needs an extra
+
+        return pandas_frame(self, topic, span)
+
+    def polars(self, topic: str, span: Span = ALWAYS) -> polars.DataFrame:
+        """Return a topic as a polars frame; `units` has the units by column.
+
+        Raises: LogError when there is no such topic, MissingExtraError without polars
+        """
+        from hil.log.tables import polars_frame  # noqa: PLC0415  # needs an extra
+
+        return polars_frame(self, topic, span)
+
+    def units(self, topic: str) -> dict[str, str]:
+        """Return the unit of each field of a topic that has one.
+
+        Raises: LogError when there is no such topic
+        """
+        return {field.name: field.unit for field in self._topic(topic).fields if field.unit}
+
+    def _topics(self) -> dict[str, TopicInfo]:
+        """Return the topics of all parts together, which must agree on their fields."""
+        topics: dict[str, TopicInfo] = {}
+        for part in self.parts:
+            for name, info in part.topics.items():
+                known = topics.get(name)
+                if known is not None and known.fields != info.fields:
+                    raise part.error(f"{name} has other fields than in the segment before")
+                count = info.messages + (known.messages if known else 0)
+                topics[name] = info._replace(messages=count)
+        return topics
 
     def _topic(self, name: str) -> TopicInfo:
         if name not in self.topics:
-            raise self._error(f"no topic {name}; it has {', '.join(sorted(self.topics))}")
+            raise self.error(f"no topic {name}; it has {', '.join(sorted(self.topics))}")
         return self.topics[name]
 
-    def _error(self, text: str) -> LogError:
+    def error(self, text: str) -> LogError:
+        """Return the error that names this log."""
         return LogError(f"{self.path}: {text}")
 
 
 def open_log(path: Path | str) -> Log:
-    """Open a finished log.
+    """Open a finished log, with its earlier segments if it has any.
 
-    Raises: LogError when the file cannot be read or is no complete log
+    Raises: LogError when a file cannot be read or is no complete log
     """
     path = Path(path)
+    parts: list[Part] = []
     try:
-        file = path.open("rb")
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from None
-    try:
-        return Log(path, file)
+        parts.append(open_part(path))
+        if "segment" in parts[0].metadata:
+            parts[:0] = [open_part(other) for other in segments_before(path)]
+        return Log(path, parts)
     except LogError:
-        file.close()
+        for part in parts:
+            part.file.close()
         raise
-
-
-def _why(error: BaseException) -> str:
-    return str(error) or type(error).__name__
-
-
-def _topics(summary: Summary) -> dict[str, TopicInfo]:
-    assert summary.statistics is not None
-    counts = summary.statistics.channel_message_counts
-    topics = {}
-    for number, channel in sorted(summary.channels.items()):
-        fields = _fields(channel, summary.schemas.get(channel.schema_id))
-        count = counts.get(number, 0)
-        topics[channel.topic] = TopicInfo(channel.topic, fields, count, number, Layout(fields))
-    return topics
-
-
-def _fields(channel: Channel, schema: Schema | None) -> tuple[Field, ...]:
-    if schema is None or (channel.message_encoding, schema.encoding) != ("cdr", "ros2msg"):
-        raise ValueError(f"{channel.topic} is not cdr with a ros2msg schema")
-    return parse_definition(schema.data.decode())
-
-
-def _attachments(reader: McapReader) -> dict[str, Attachment]:
-    return {
-        found.name: Attachment(found.name, found.media_type, found.data)
-        for found in reader.iter_attachments()
-    }

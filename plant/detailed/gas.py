@@ -19,12 +19,12 @@ def flow(p: Array, cda: float, p_up: float, t_up: float, p_down: float) -> float
     r = p_down / p_up
     scale = cda * p_up / math.sqrt(p[at.R_GAS] * t_up)
     if r <= p[at.CRITICAL]:
-        return scale * p[at.CHOKED]
+        return float(scale * p[at.CHOKED])
     z = (1.0 - r) / p[at.SMALL]
     if z < 1.0:
-        return scale * z * (p[at.CUBIC_1] + p[at.CUBIC_3] * z * z)
+        return float(scale * z * (p[at.CUBIC_1] + p[at.CUBIC_3] * z * z))
     w = math.exp(math.log(r) / p[at.GAMMA])
-    return scale * p[at.SUBSONIC] * math.sqrt(w * (w - r))
+    return float(scale * p[at.SUBSONIC] * math.sqrt(w * (w - r)))
 
 
 @compiled
@@ -38,18 +38,16 @@ def heat_to_wall(
         return 0.0
     logs = -0.06 * math.log(volume) + 0.8 * math.log(p_gas) - 0.4 * math.log(t_gas)
     area = p[b + at.END_AREA] + p[b + at.PERIMETER] * gap
-    return wall * heat * math.exp(logs) * area * (t_gas - p[b + at.T_WALL])
+    return float(wall * heat * math.exp(logs) * area * (t_gas - p[b + at.T_WALL]))
 
 
 @compiled
 def heat_release(p: Array, q_in: float, tau: float) -> float:
     """Q' = Q_in a (b+1)/C_d u^b exp(-a u^(b+1)), u = tau/C_d     (thesis eq. 3.21, corrected)."""
-    if tau <= 0.0:
+    if tau <= 0.0 or tau > p[at.BURNT_S]:
         return 0.0
     a, b, burn = p[at.WIEBE_A], p[at.WIEBE_B], p[at.BURN_S]
     u = tau / burn
     power = u**b
     exponent = a * power * u
-    if exponent > 60.0:
-        return 0.0
-    return q_in * a * (b + 1.0) / burn * power * math.exp(-exponent)
+    return float(q_in * a * (b + 1.0) / burn * power * math.exp(-exponent))

@@ -19,9 +19,9 @@ CURRENT, CHARGE = 10, 11
 # --- y: integrals, for the balances (per cylinder, then of the whole engine) ------------------
 SUM, SUM_STRIDE = 12, 9
 Q_FUEL, Q_WALL, W_GAS, H_IN, H_EX, H_LEAK, M_IN, M_EX, M_LEAK = range(9)
-(W_GENERATED, W_MOTORED, W_FRICTION, H_REED, M_REED, H_CASE, M_CASE, W_CASE) = range(30, 38)
-"""H_CASE, M_CASE: what the pumps have given to the cylinders, net."""
-N_Y: Final = 38
+(W_GENERATED, W_MOTORED, W_FRICTION, H_REED, M_REED, W_CASE, P_MOTOR) = range(30, 37)
+"""P_MOTOR: size of the motor's power, driving or braking (thesis eq. 4.2)."""
+N_Y: Final = 37
 
 # --- d: events and orders ------------------------------------------------------------------
 (
@@ -38,12 +38,10 @@ N_Y: Final = 38
     V_MAX,  # greatest speed since the last dead centre
     CONTACTS,
     ROWS,  # rows of the record that have been written
-    STOPPED_AT,  # why `advance` has returned: 0 time is up, 1 dead centre, 2 contact
     ENERGY,  # energy that the next ignition by position releases [J]
     LOAD_SCALE,
-    FORCE_LIMIT,
-) = range(17)
-CYL, CYL_STRIDE = 17, 8
+) = range(15)
+CYL, CYL_STRIDE = 15, 8
 (
     INTAKE,  # 1 open
     EXHAUST,
@@ -93,8 +91,10 @@ NEVER: Final = 1.0e30
     SPRING_X,
     CONTACT_GAP,
     RESTITUTION,
-) = range(34)
-CYL_P, CYL_P_STRIDE = 34, 14
+    PEAK_FORCE,
+    BURNT_S,  # after this, exp(-60) of the charge is left
+) = range(36)
+CYL_P, CYL_P_STRIDE = 36, 14
 (
     SIGN,  # gap = LENGTH + SIGN x
     AREA,
@@ -130,4 +130,5 @@ BY_CYLINDER: Final = 100
 # --- the record: one row a dead centre -----------------------------------------------------
 (REC_T, REC_X, REC_PHASE, REC_V_MAX, REC_P_LEFT, REC_P_RIGHT, REC_SUMS) = range(7)
 N_REC: Final = REC_SUMS + N_Y
-TIME_UP, DEAD_CENTRE, CONTACT = 0, 1, 2
+TIME_UP, DEAD_CENTRE, CONTACT, AT_POSITION, FAILED = range(5)
+"""What ends a step."""

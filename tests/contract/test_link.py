@@ -1,6 +1,5 @@
 """What the shells rely on, whatever carries the frames."""
 
-import random
 import time
 
 import pytest
@@ -8,11 +7,6 @@ import pytest
 from hil.errors import LinkError
 
 PATIENCE_NS = 2_000_000_000
-
-
-def batch_of(number, frames=6):
-    """A batch that no other number gives."""
-    return random.Random(number).randbytes(10 * frames)
 
 
 def take(link, count):
@@ -23,16 +17,17 @@ def take(link, count):
 
 
 def test_what_is_sent_arrives_identical_one_for_one_and_in_order(pair):
-    lengths = [0, 1, 2, 6, 100, 6, 0, 3]
-    sent = [batch_of(i, length) for i, length in enumerate(lengths)]
-    for batch in sent:
-        pair.plant.link.send(batch)
-    assert take(pair.controller.link, len(sent)) == sent
-    assert pair.controller.link.receive() is None
+    plant, controller = pair.plant.link, pair.controller.link
+    for sender, receiver, side in ((plant, controller, "plant"), (controller, plant, "controller")):
+        sent = pair.talk.various(side)
+        for batch in sent:
+            sender.send(batch)
+        assert take(receiver, len(sent)) == sent
+        assert receiver.receive() is None
 
 
 def test_a_burst_is_neither_lost_nor_merged_nor_split(pair):
-    sent = [batch_of(i) for i in range(pair.burst)]
+    sent = [pair.talk.batch("plant", i) for i in range(pair.burst)]
     for batch in sent:
         pair.plant.link.send(batch)
     assert take(pair.controller.link, len(sent)) == sent
@@ -40,21 +35,21 @@ def test_a_burst_is_neither_lost_nor_merged_nor_split(pair):
 
 
 def test_a_thousand_turns_of_question_and_answer(pair):
-    plant, controller = pair.plant.link, pair.controller.link
+    plant, controller, batch = pair.plant.link, pair.controller.link, pair.talk.batch
     for turn in range(pair.turns):
-        plant.send(batch_of(turn))
-        assert controller.wait(PATIENCE_NS) == batch_of(turn)
-        controller.send(batch_of(-turn - 1))
-        assert plant.wait(PATIENCE_NS) == batch_of(-turn - 1)
+        plant.send(batch("plant", turn))
+        assert controller.wait(PATIENCE_NS) == batch("plant", turn)
+        controller.send(batch("controller", -turn - 1))
+        assert plant.wait(PATIENCE_NS) == batch("controller", -turn - 1)
 
 
 def test_the_directions_do_not_mix(pair):
-    plant, controller = pair.plant.link, pair.controller.link
+    plant, controller, batch = pair.plant.link, pair.controller.link, pair.talk.batch
     for turn in range(8):
-        plant.send(b"p" * 10 + bytes([turn]))
-        controller.send(b"c" * 10 + bytes([turn]))
-    assert take(plant, 8) == [b"c" * 10 + bytes([turn]) for turn in range(8)]
-    assert take(controller, 8) == [b"p" * 10 + bytes([turn]) for turn in range(8)]
+        plant.send(batch("plant", turn))
+        controller.send(batch("controller", -turn - 1))
+    assert take(plant, 8) == [batch("controller", -turn - 1) for turn in range(8)]
+    assert take(controller, 8) == [batch("plant", turn) for turn in range(8)]
     assert plant.receive() is None
     assert controller.receive() is None
 
@@ -75,16 +70,15 @@ def test_waiting_in_vain_ends_in_time(links, timeout_ns):
     assert time.monotonic() - begin < timeout_ns * 1e-9 + 0.1
 
 
-def test_waiting_returns_what_is_there_already(links):
-    plant, controller = links
-    plant.send(b"x" * 10)
-    assert controller.wait(PATIENCE_NS) == b"x" * 10
+def test_waiting_returns_what_is_there_already(pair):
+    pair.plant.link.send(pair.talk.batch("plant", 1))
+    assert pair.controller.link.wait(PATIENCE_NS) == pair.talk.batch("plant", 1)
 
 
-def test_counters_count_both_directions(links):
-    plant, controller = links
-    for _ in range(7):
-        plant.send(b"x" * 10)
+def test_counters_count_both_directions(pair):
+    plant, controller = pair.plant.link, pair.controller.link
+    for number in range(7):
+        plant.send(pair.talk.batch("plant", number))
     take(controller, 7)
     assert plant.counters()["sent"] == 7
     assert controller.counters()["received"] == 7

@@ -49,7 +49,7 @@ def test_an_expectation_that_is_not_met_is_exit_1(tmp_path):
 
 
 def test_an_impossible_begin_is_exit_2_and_leaves_nothing(tmp_path):
-    done = run("steady", "--controller", "open-loop", "--set", "controller.open_loop.fuel_kg=5e-6",
+    done = run("steady", "--controller", "open-loop", "--set", "controller.preset.fuel_kg=5e-6",
                "--out", str(tmp_path / "out"))  # fmt: skip
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1

@@ -4,7 +4,7 @@ import math
 
 import cantools
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hil import messages
@@ -13,6 +13,8 @@ from hil.generate import dbc_text
 from hil.signals import LAYOUTS
 
 assert messages.Pulse in {layout.make for layout in LAYOUTS.values()}
+# How long an example takes says something of the machine, not of the codec.
+ANY_MACHINE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MESSAGES = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=lambda layout: layout.name)
 
 
@@ -45,6 +47,7 @@ def coded(layout, message):
 
 
 @MESSAGES
+@ANY_MACHINE
 @given(data=st.data())
 def test_round_trip_is_within_half_a_scale_step(layout, data):
     message = any_message(data, layout)
@@ -57,6 +60,7 @@ def test_round_trip_is_within_half_a_scale_step(layout, data):
 
 
 @MESSAGES
+@ANY_MACHINE
 @given(data=st.data())
 def test_what_was_decoded_encodes_to_the_same_frame(layout, data):
     batch, decoded = coded(layout, any_message(data, layout))
@@ -64,6 +68,7 @@ def test_what_was_decoded_encodes_to_the_same_frame(layout, data):
 
 
 @MESSAGES
+@ANY_MACHINE
 @given(data=st.data())
 def test_cantools_reads_the_same_from_the_dbc_file(layout, data, database):
     batch, decoded = coded(layout, any_message(data, layout))
@@ -80,6 +85,7 @@ def test_cantools_reads_the_same_from_the_dbc_file(layout, data, database):
     assert set(theirs) == set(ours)
 
 
+@ANY_MACHINE
 @given(batch=st.binary(max_size=80))
 def test_whatever_arrives_is_judged_and_never_raises(batch):
     decoder = Decoder("plant")
@@ -89,6 +95,7 @@ def test_whatever_arrives_is_judged_and_never_raises(batch):
     assert len(decoded) == counts.ok
 
 
+@ANY_MACHINE
 @given(st.lists(st.integers(0, 15), max_size=40))
 def test_every_frame_has_exactly_one_verdict(kept):
     """Frames of a stream, in any order and number: ok, repeated or reordered, none twice."""

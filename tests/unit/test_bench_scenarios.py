@@ -76,7 +76,7 @@ def test_open_loop_fuel_is_the_same_in_the_linear_models(model):
 
 
 def test_a_settled_run_that_would_strike_the_head_is_refused():
-    changes = [("controller.name", "open-loop"), ("controller.open_loop.fuel_kg", 5.0e-6)]
+    changes = [("controller.preset.fuel_kg", 5.0e-6)]
     with pytest.raises(ConfigError, match=r"cannot begin settled.*the head is at 20 mm"):
         resolve(read("steady", changes))
 

@@ -115,14 +115,14 @@ def test_repeated_frame_is_counted_once_and_not_acted_on():
     assert counts == ReceptionCounts(ok=1, repeated=1)
 
 
-@pytest.mark.parametrize("behind", range(1, 9))
+@pytest.mark.parametrize("behind", range(1, 5))
 def test_older_frame_is_counted_once_and_not_acted_on(behind):
     decoded, counts = counts_after(frame(SAMPLE, 10), frame(SAMPLE, 10 - behind))
     assert decoded == [SAMPLE]
     assert counts == ReceptionCounts(ok=1, reordered=1)
 
 
-@pytest.mark.parametrize("missing", range(1, 7))
+@pytest.mark.parametrize("missing", range(1, 11))
 def test_frames_that_a_counter_step_skips_are_lost(missing):
     decoded, counts = counts_after(frame(SAMPLE, 14), frame(SAMPLE, (15 + missing) % 16))
     assert decoded == [SAMPLE, SAMPLE]
@@ -179,10 +179,10 @@ def test_frames_of_a_broken_batch_are_a_codec_error():
 def test_after_a_silence_any_counter_is_accepted():
     decoder = Decoder("plant")
     decoder.decode(frame(SAMPLE, 10))
-    assert decoder.decode(frame(SAMPLE, 3)) == []
+    assert decoder.decode(frame(SAMPLE, 7)) == []
     decoder.forget_counters()
-    assert decoder.decode(frame(SAMPLE, 3)) == [SAMPLE]
-    assert decoder.decode(frame(SAMPLE, 3)) == []
+    assert decoder.decode(frame(SAMPLE, 7)) == [SAMPLE]
+    assert decoder.decode(frame(SAMPLE, 7)) == []
 
 
 def test_counters_of_the_messages_are_independent():

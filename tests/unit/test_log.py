@@ -129,7 +129,7 @@ def test_a_public_decoder_sees_the_same_values(path, log):
 
 
 def test_an_unknown_topic_is_told_with_the_known_ones(log, path):
-    with pytest.raises(LogError, match=r"plant\.mcap: no topic /speed; it has /actuator, /event"):
+    with pytest.raises(LogError, match=r"plant\.mcap: no topic /speed; it has /actuator, /command"):
         log.array("/speed")
 
 

@@ -28,8 +28,8 @@ def in_a_thread(config):
     return told
 
 
-def test_by_default_only_the_collector_and_the_timer_slack_are_touched():
-    told = in_a_thread(RealtimeConfig())
+def test_without_a_priority_only_the_collector_and_the_timer_slack_are_touched():
+    told = in_a_thread(RealtimeConfig(priority=0))
     assert told["garbage_collection"].startswith("granted: collected, ")
     assert told["timer_slack"] == "granted: 1 ns"
     assert {told[k] for k in ("locked_memory", "cpu", "scheduling")} == {realtime.NOT_ASKED}

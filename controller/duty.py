@@ -1,0 +1,125 @@
+"""The controller as a service: what the engine was asked to do survives a restart.
+
+A controller that is killed while the engine runs comes back with the duty of its predecessor: it
+asks for a start and the set point that was in force, as an operator would, and the mode table
+decides what becomes of it. One that was stopped, or had gone to its safe state, stays off.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from controller.commands import OperatorCommand, parse
+from controller.loop import ControllerLoop
+from controller.start_restart import Mode
+from hil.errors import ConfigError
+from hil.ports import CommandSource
+
+RUNNING = (Mode.MOTORING, Mode.GENERATING)
+
+
+class Heart(Protocol):
+    """What tells a service manager that the loop is alive."""
+
+    next_tick: int
+
+    def start(self, tick: int) -> None:
+        """Begin to beat with the tick from which the loop runs."""
+
+    def beat(self, tick: int, answered: bool, describe: Callable[[], str]) -> bool:
+        """Feed the watchdog, tell the status; returns whether a reload was asked for."""
+
+
+class Caretaker(Protocol):
+    """What a service keeps for this process beyond its end, and hands in while it runs."""
+
+    def kept(self) -> Mapping[str, Any]:
+        """Return what a predecessor kept."""
+
+    def keep(self, facts: Mapping[str, Any]) -> None:
+        """Keep these facts for a successor; as cheap as a store to memory."""
+
+    def prepared(self) -> bytes | None:
+        """Return the set points that a reload has prepared."""
+
+
+class DutyCommands:
+    """A command source that speaks first for the predecessor, then passes another one on."""
+
+    def __init__(self, source: CommandSource, kept: Mapping[str, Any]) -> None:
+        self.target_power_w: float | None = None
+        self._source = source
+        self._waiting: deque[tuple[str, bytes]] = deque()
+        if kept.get("running") is True:
+            self._resume(kept)
+
+    def _resume(self, kept: Mapping[str, Any]) -> None:
+        """Ask for what was in force when the predecessor ended."""
+        names = ("tdc_ref_m", "target_power_w")
+        set_point = {name: kept[name] for name in names if kept.get(name) is not None}
+        if set_point:
+            self.submit("resume", json.dumps({"kind": "set-point", **set_point}).encode())
+        self.submit("resume", b'{"kind": "start"}')
+
+    def submit(self, origin: str, raw: bytes) -> None:
+        """Hand over a command of the service's own."""
+        self._waiting.append((origin, raw))
+
+    def poll(self) -> tuple[str, bytes] | None:
+        """Return (origin, raw command) of the oldest command not yet taken, or None."""
+        received = self._waiting.popleft() if self._waiting else self._source.poll()
+        if received is not None:
+            self._note(*received)
+        return received
+
+    def _note(self, origin: str, raw: bytes) -> None:
+        """Remember a target power, which the set points in force no longer tell."""
+        try:
+            command: OperatorCommand = parse(raw, origin)
+        except ConfigError:
+            return  # the loop refuses it and says so
+        if command.target_power_w is not None:
+            self.target_power_w = command.target_power_w
+
+
+class Duty:
+    """Looks after one loop between its ticks."""
+
+    def __init__(self, heart: Heart, caretaker: Caretaker, source: CommandSource) -> None:
+        self.commands = DutyCommands(source, caretaker.kept())
+        self._heart = heart
+        self._caretaker = caretaker
+
+    @property
+    def next_tick(self) -> int:
+        """The tick from which on `attend` is due."""
+        return self._heart.next_tick
+
+    def begin(self, loop: ControllerLoop) -> None:
+        """Begin with the first tick."""
+        self._heart.start(loop.tick)
+
+    def attend(self, loop: ControllerLoop) -> None:
+        """Feed the watchdog, keep the duty, take new set points."""
+        state = loop.state
+        facts = {
+            "running": state.mode in RUNNING,
+            "tdc_ref_m": state.set_points.tdc_ref_m,
+            "target_power_w": self.commands.target_power_w,
+        }
+        self._caretaker.keep(facts)
+        answered = state.stale == 0
+        if self._heart.beat(loop.tick, answered, lambda: describe(loop)):
+            prepared = self._caretaker.prepared()
+            if prepared is not None:
+                self.commands.submit("reload", prepared)
+
+
+def describe(loop: ControllerLoop) -> str:
+    """How the controller is, in one line."""
+    state = loop.state
+    tdc_mm, wanted_mm = state.motion.tdc_m * 1e3, state.set_points.tdc_ref_m * 1e3
+    return f"{state.mode.name.lower()}, tick {loop.tick}, TDC {tdc_mm:.2f} of {wanted_mm:.2f} mm"

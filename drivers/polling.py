@@ -1,0 +1,113 @@
+"""How a link that is polled waits for its peer: what to sleep, when to yield, when to nap.
+
+`take` is the link's own look for a batch: it returns the oldest one, or None at once.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Final
+
+Take = Callable[[], bytes | None]
+
+_AHEAD_NS: Final = 150_000  # how long before an expected arrival to stop sleeping
+_AHEAD_SHARE: Final = 0.4  # and of a short period at most this, so that the loop does sleep
+_YIELD_NS: Final = 150_000  # how long after it to go on yielding
+_YIELD_LOCKSTEP_NS: Final = 50_000_000
+_STEP_S: Final = 30e-6
+_STEP_LOCKSTEP_S: Final = 200e-6
+
+
+class ArrivalClock:
+    """When the next batch is due, learnt from those that came: the earliest phase, forgetting.
+
+    due' = t + T - 7/8 max(d, 0), with d the lateness of the arrival at t, modulo the period T
+    """
+
+    __slots__ = ("due_ns", "period_ns")
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.due_ns = 0
+
+    def arrived(self, now_ns: int) -> None:
+        """Take note of an arrival; a lone late one hardly moves the phase."""
+        late_ns = 0
+        if self.due_ns:
+            half_ns = self.period_ns // 2
+            late_ns = (now_ns - self.due_ns + half_ns) % self.period_ns - half_ns
+        self.due_ns = now_ns + self.period_ns - (late_ns * 7 // 8 if late_ns > 0 else 0)
+
+    def missed(self, now_ns: int) -> None:
+        """Look to the next arrival after nothing came."""
+        behind_ns = now_ns - self.due_ns
+        if self.due_ns and behind_ns > 0:
+            self.due_ns += -(-behind_ns // self.period_ns) * self.period_ns
+
+    def forget(self) -> None:
+        """Start anew: the peer was not in the phase that was expected."""
+        self.due_ns = 0
+
+
+class LockstepPolling:
+    """The answer comes as soon as the peer has worked it out: yield until then."""
+
+    __slots__ = ("_take",)
+
+    def __init__(self, take: Take) -> None:
+        self._take = take
+
+    def wait(self, timeout_ns: int) -> bytes | None:
+        """Return the next batch, or None after the timeout [ns]."""
+        now_ns = time.monotonic_ns()
+        until_ns = now_ns + _YIELD_LOCKSTEP_NS
+        return poll(self._take, until_ns, _STEP_LOCKSTEP_S, now_ns + timeout_ns)
+
+
+class RealTimePolling:
+    """Batches come once a period: sleep to shortly before the next, then yield, then nap."""
+
+    __slots__ = ("_ahead_ns", "_arrivals", "_take")
+
+    def __init__(self, take: Take, period_ns: int) -> None:
+        self._take = take
+        self._arrivals = ArrivalClock(period_ns)
+        self._ahead_ns = min(_AHEAD_NS, round(_AHEAD_SHARE * period_ns))
+
+    def wait(self, timeout_ns: int) -> bytes | None:
+        """Return the next batch, or None after the timeout [ns]."""
+        arrivals = self._arrivals
+        now_ns = time.monotonic_ns()
+        deadline_ns = now_ns + timeout_ns
+        asleep_ns = min(arrivals.due_ns - self._ahead_ns, deadline_ns) - now_ns
+        if 0 < asleep_ns < arrivals.period_ns:
+            time.sleep(asleep_ns * 1e-9)
+            if (batch := self._take()) is not None:
+                arrivals.forget()
+                return batch
+        until_ns = max(now_ns, arrivals.due_ns) + _YIELD_NS
+        batch = poll(self._take, until_ns, _STEP_S, deadline_ns)
+        if batch is None:
+            arrivals.missed(time.monotonic_ns())
+        else:
+            arrivals.arrived(time.monotonic_ns())
+        return batch
+
+
+def poll(take: Take, yield_until_ns: int, step_s: float, deadline_ns: int) -> bytes | None:
+    """Poll, giving the core away between polls; later on sleep between them."""
+    # The sleep lets in threads of lower priority too, should only the loop have SCHED_FIFO.
+    now, give_way = time.monotonic_ns, os.sched_yield
+    while True:
+        batch = take()
+        if batch is not None:
+            return batch
+        now_ns = now()
+        if now_ns >= deadline_ns:
+            return None
+        if now_ns < yield_until_ns:
+            give_way()
+        else:
+            time.sleep(min(step_s, (deadline_ns - now_ns) * 1e-9))

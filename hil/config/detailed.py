@@ -1,0 +1,199 @@
+"""Calibration of a detailed engine: one TOML file an engine, checked as a whole."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from hil.config.base import Section
+from hil.errors import ConfigError
+
+Metres = Annotated[float, Field(gt=0.0, le=1.0)]
+Position = Annotated[float, Field(ge=-1.0, le=1.0)]
+SquareMetres = Annotated[float, Field(ge=0.0, le=1.0)]
+Pascal = Annotated[float, Field(ge=1.0e4, le=1.0e7)]
+Kelvin = Annotated[float, Field(ge=200.0, le=1000.0)]
+Newton = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
+
+
+class Gas(Section):
+    """Ideal gas with constant heat capacities, and the air around the engine."""
+
+    gamma: float = Field(gt=1.05, le=1.67)
+    gas_constant_j_kg_k: float = Field(gt=100.0, le=5000.0)
+    ambient_pa: Pascal
+    ambient_k: Kelvin
+
+
+class Mover(Section):
+    """The moving mass, and what meets it at the ends."""
+
+    mass_kg: float = Field(gt=0.01, le=1000.0)
+    contact_gap_m: Metres
+    restitution: float = Field(ge=0.0, le=0.95)
+    spring_n_m: float = Field(default=0.0, ge=0.0, le=1e7)
+    spring_rest_m: Position = 0.0
+
+
+class Side(Section):
+    """One end of the engine: a combustion cylinder, a gas spring, or nothing.
+
+    fill_pa, fill_k: the gas enclosed at x = 0 at the start of a run
+    walls: share of the surfaces that take up heat; ends: how many of crown and head there are
+    """
+
+    kind: Literal["cylinder", "gas-spring"] = "cylinder"
+    bore_m: Metres
+    length_m: Metres
+    wall_k: Kelvin
+    walls: float = Field(default=1.0, ge=0.0, le=1.0)
+    ends: int = Field(default=2, ge=1, le=2)
+    leak_m2: SquareMetres
+    fill_pa: Pascal
+    fill_k: Kelvin
+
+
+class Breathing(Section):
+    """Valves or ports with a step profile: opening area C_d pi D L, and the gas beyond them."""
+
+    intake_diameter_m: Metres
+    exhaust_diameter_m: Metres
+    lift_m: Metres
+    discharge: float = Field(gt=0.0, le=1.0)
+    intake_pa: Pascal
+    intake_k: Kelvin
+    exhaust_pa: Pascal
+    exhaust_k: Kelvin
+
+
+class Pump(Section):
+    """Scavenging pumps under the pistons (App. I eq. 21)."""
+
+    volume_m3: float = Field(gt=0.0, le=0.1)
+    area_m2: SquareMetres
+    reed_m2: SquareMetres
+
+
+class Heat(Section):
+    """Heat release (3.21) and heat to the wall (3.18)."""
+
+    wiebe_a: float = Field(gt=0.0, le=20.0)
+    wiebe_b: float = Field(gt=0.0, le=10.0)
+    burn_s: float = Field(gt=1e-4, le=0.1)
+    hohenberg: float = Field(ge=0.0, le=20.0)
+    energy_j: float = Field(ge=0.0, le=1e5)
+    heating_value_j_kg: float = Field(ge=1e6, le=2e8)
+    injector_kg_s: float = Field(default=4.0e-3, gt=0.0, le=0.1)
+
+
+class Friction(Section):
+    """Parameterised friction (3.3, 3.4); oil_c is E, oil_reference_c theta_0."""
+
+    machine_n: float = Field(ge=0.0, le=1000.0)
+    f: float = Field(ge=0.0, le=100.0)
+    a_f: float = Field(ge=0.0, le=1e4)
+    b_f: float = Field(ge=-10.0, le=10.0)
+    k_v: float = Field(ge=0.0, le=1.0)
+    oil_c: float = Field(ge=-50.0, le=400.0)
+    oil_reference_c: float = Field(gt=0.0, le=400.0)
+    p_reference_pa: Pascal
+    bore_reference_m: Metres
+
+
+class Circuit(Section):
+    """Equivalent circuit (3.54); thrust and back-EMF constants, and pole pitch for one coil."""
+
+    thrust_n_a: float = Field(gt=0.0, le=1e4)
+    emf_v_s_m: float = Field(gt=0.0, le=1e4)
+    inductance_h: float = Field(gt=1e-6, le=10.0)
+    capacitance_f: float | None = Field(default=None, gt=0.0, le=1e3)
+    pole_pitch_m: float | None = Field(default=None, gt=1e-3, le=1.0)
+
+
+class Machine(Section):
+    """Linear machine: load constant (3.56), or a circuit."""
+
+    load_coefficient_n_s_m: float = Field(ge=0.0, le=10_000.0)
+    peak_force_n: float = Field(ge=0.0, le=20_000.0)
+    start_force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
+    circuit: Circuit | None = None
+
+
+class Cycle(Section):
+    """Valve, spark and machine events by distance from the head they belong to.
+
+    four-stroke: forces of Table 4.2, along the motion, and positions at which motor 2 and motor 4
+    take over; motoring: `start_force_n` along the motion, no ignition
+    """
+
+    kind: Literal["two-stroke", "four-stroke", "motoring"]
+    firing: Literal["both", "left"] = "both"
+    ignition_from_head_m: Metres
+    ignition_least_pa: Pascal = 4.0e5
+    exhaust_opens_m: Metres | None = None
+    exhaust_closes_m: Metres | None = None
+    intake_opens_m: Metres | None = None
+    intake_closes_m: Metres | None = None
+    start_force_n: Newton = 0.0
+    motor_1_n: Newton = 0.0
+    motor_2_n: Newton = 0.0
+    motor_3_n: Newton = 0.0
+    motor_4_n: Newton = 0.0
+    switch_1_m: Position = 0.0
+    switch_4_m: Position = 0.0
+
+
+class Running(Section):
+    """Where the settled motion begins to be sought, and the solver's step."""
+
+    start_x_m: Position
+    start_left_pa: Pascal
+    start_left_k: float = Field(ge=200.0, le=4000.0)
+    start_right_pa: Pascal
+    start_right_k: float = Field(ge=200.0, le=4000.0)
+    start_spark_s: float = Field(default=2.0e-3, ge=0.0, le=0.02)
+    step_s: float = Field(ge=1e-7, le=1e-3)
+    small_pressure_ratio: float = Field(ge=1e-6, le=0.05)
+
+
+class Calibration(Section):
+    """Everything that a detailed engine is made of."""
+
+    name: str
+    title: str
+    gas: Gas
+    mover: Mover
+    left: Side
+    right: Side
+    breathing: Breathing
+    pump: Pump | None = None
+    heat: Heat
+    friction: Friction
+    machine: Machine
+    cycle: Cycle
+    running: Running
+
+
+def names() -> tuple[str, ...]:
+    """The engines that come with the project."""
+    entries = (files("hil") / "engines").iterdir()
+    return tuple(sorted(e.name.removesuffix(".toml") for e in entries if e.name.endswith(".toml")))
+
+
+def read(name: str) -> Calibration:
+    """Read the calibration of an engine.
+
+    Raises: ConfigError when there is none of that name, or it cannot be used
+    """
+    if name not in names():
+        raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")
+    text = (files("hil") / "engines" / f"{name}.toml").read_text(encoding="utf-8")
+    try:
+        return Calibration.model_validate(tomllib.loads(text))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"{name}.toml: {key}: {first['msg']}") from None

@@ -1,0 +1,108 @@
+"""A process that was killed leaves nothing in shared memory that blocks the next start."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.links import open_link
+from drivers.shm_link import BATCH_MAX_BYTES
+from hil.config.process import LinkConfig, LoopConfig
+from hil.errors import LinkError, MissingExtraError
+
+LOOP = LoopConfig(clock="realtime")
+CHILD = """
+import sys, time
+from drivers.links import open_link
+from hil.config.process import LinkConfig, LoopConfig
+config = LinkConfig.model_validate_json(sys.argv[2])
+connection = open_link(sys.argv[1], config, LoopConfig(clock="realtime"))
+connection.link.wait_for_peer(10.0)
+print("there", flush=True)
+while True:
+    connection.link.send(b"x" * 60)
+    time.sleep(0.001)
+"""
+
+
+@pytest.fixture
+def shm_config(socket_config):
+    return LinkConfig(kind="shm", zenoh=socket_config.zenoh)
+
+
+def child(side, config):
+    return subprocess.Popen(
+        [sys.executable, "-c", CHILD, side, config.model_dump_json()],
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def segments():
+    return len(list(Path("/dev/shm").glob("hil_*")))
+
+
+def met_and_killed(connection, config):
+    """A controller that the plant has heard, and that is killed in mid-sentence."""
+    peer = child("controller", config)
+    connection.link.wait_for_peer(10.0)
+    assert peer.stdout.readline() == "there\n"
+    assert connection.link.wait(2_000_000_000) == b"x" * 60
+    os.kill(peer.pid, signal.SIGKILL)
+    peer.communicate()
+
+
+def test_a_killed_controller_can_be_started_again_and_again(shm_config):
+    plant = open_link("plant", shm_config, LOOP)
+    try:
+        before = None
+        for _ in range(3):
+            met_and_killed(plant, shm_config)
+            while plant.link.peer_alive():
+                pass
+            while plant.link.receive() is not None:
+                pass
+            plant.link.send(b"y" * 60)  # to nobody: neither hangs nor fails
+            before = before or segments()
+        assert segments() <= before + 2
+    finally:
+        plant.close()
+
+
+def test_both_killed_and_both_started_anew(shm_config):
+    pair = [child(side, shm_config) for side in ("plant", "controller")]
+    for one in pair:
+        assert one.stdout.readline() == "there\n"
+    for one in pair:
+        os.kill(one.pid, signal.SIGKILL)
+        one.communicate()
+    plant = open_link("plant", shm_config, LOOP)
+    controller = open_link("controller", shm_config, LOOP)
+    try:
+        plant.link.wait_for_peer(5.0)
+        controller.link.wait_for_peer(5.0)
+        assert controller.link.receive() is None  # nothing is left of the earlier pair
+        plant.link.send(b"n" * 60)
+        assert controller.link.wait(2_000_000_000) == b"n" * 60
+    finally:
+        controller.close()
+        plant.close()
+
+
+def test_a_batch_that_does_not_fit_is_refused(shm_config):
+    plant = open_link("plant", shm_config, LOOP)
+    with pytest.raises(
+        LinkError, match=f"cannot send 1025 bytes, accepted up to {BATCH_MAX_BYTES}"
+    ):
+        plant.link.send(bytes(BATCH_MAX_BYTES + 1))
+    plant.close()
+
+
+def test_without_the_library_the_extra_is_named(shm_config, monkeypatch):
+    monkeypatch.setattr("drivers.shm_link.iox", None)
+    with pytest.raises(MissingExtraError, match=r"fpeg-hil\[shm\]"):
+        open_link("plant", shm_config, LOOP)
+    monkeypatch.undo()
+    open_link("plant", shm_config, LOOP).close()  # the refusal held on to nothing

@@ -1,0 +1,138 @@
+"""The detailed engines as a whole: balances, the thesis's figures, accuracy of the solver."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from hil.config.detailed import read
+from plant.detailed import layout as at
+from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
+from plant.detailed.figures import cycle_rows, figures, settled
+
+FIRED = ("nu-two-stroke", "nu-four-stroke", "bit-running")
+
+
+@pytest.fixture(scope="module")
+def runs():
+    found = {}
+    for name in FIRED:
+        engine = engine_of(read(name))
+        found[name] = engine, settled(engine, 3.0)
+    return found
+
+
+def gained(engine, motion):
+    rows = cycle_rows(engine, motion, 1)
+    return rows[0, at.REC_SUMS :], rows[-1, at.REC_SUMS :]
+
+
+def both(sums, which):
+    return sums[at.SUM + which] + sums[at.SUM + at.SUM_STRIDE + which]
+
+
+@pytest.mark.parametrize("name", FIRED)
+def test_energy_is_balanced_over_a_cycle(runs, name):
+    """Fuel = heat + exhaust + leakage + friction + electric + what is stored."""
+    engine, motion = runs[name]
+    first, last = gained(engine, motion)
+    sums = last - first
+    stored = sum(sums[k] for k in (at.U, at.U + 2, at.CASE_U, at.CASE_U + 2))
+    out = both(sums, at.Q_WALL) + both(sums, at.H_EX) - both(sums, at.H_IN)
+    out += both(sums, at.H_LEAK) + sums[at.W_FRICTION] + sums[at.W_GENERATED]
+    out -= sums[at.W_MOTORED]
+    fuel = both(sums, at.Q_FUEL)
+    assert fuel > 100.0
+    assert out + stored == pytest.approx(fuel, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", FIRED)
+def test_mass_is_balanced_over_a_cycle(runs, name):
+    engine, motion = runs[name]
+    first, last = gained(engine, motion)
+    sums = last - first
+    through = both(last, at.M_IN) - both(first, at.M_IN)
+    out = both(sums, at.M_EX) + both(sums, at.M_LEAK)
+    stored = sums[at.M] + sums[at.M + 2]
+    assert abs(through - out - stored) < 1e-6 * abs(through)
+
+
+def test_motored_engine_balances_energy_and_mass():
+    engine = engine_of(read("bit-starting"))
+    motion = at_rest(engine)
+    before = motion.y.copy()
+    begin(engine, motion, 1)
+    run_for(engine, motion, 1.0)
+    sums = motion.y - before
+    kinetic = 0.5 * engine.p[at.MASS] * motion.y[at.V] ** 2
+    stored = sum(sums[k] for k in (at.U, at.U + 2, at.CASE_U, at.CASE_U + 2)) + kinetic
+    out = both(sums, at.Q_WALL) + both(sums, at.H_EX) + both(sums, at.H_LEAK)
+    out += sums[at.W_FRICTION] - sums[at.H_REED]
+    assert out + stored == pytest.approx(sums[at.W_MOTORED], rel=1e-3)
+    mass = sum(sums[k] for k in (at.M, at.M + 2, at.CASE_M, at.CASE_M + 2))
+    gone = both(sums, at.M_EX) + both(sums, at.M_LEAK)
+    assert abs(sums[at.M_REED] - gone - mass) < 1e-6 * sums[at.M_REED]
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "rest"), [("nu-two-stroke", 0.08, 0.06), ("nu-four-stroke", 0.05, 0.05)]
+)
+def test_table_4_3_is_reached(runs, name, speed, rest):
+    from bench.engine import TABLE_4_3
+
+    f = figures(*runs[name])
+    rpm, v_max, bar, _, percent, indicated, electric, ratio = TABLE_4_3[name]
+    assert f.speed_rpm == pytest.approx(rpm, rel=speed)
+    ours = (f.v_max_m_s, f.p_max_pa, f.efficiency, f.indicated_w, f.electric_w)
+    thesis = (v_max, bar * 1e5, percent / 100, indicated, electric)
+    assert ours == pytest.approx(thesis, rel=rest)
+    assert f.compression_ratio == pytest.approx(ratio, rel=rest)
+
+
+def test_starting_takes_the_thesis_number_of_cycles():
+    from bench.engine import starting
+
+    assert [row for row in starting() if not row.reached] == []
+
+
+def test_step_is_exact_to_micrometres():
+    """Halving the step eight times over moves no dead centre by 2 um, no peak by 0.05 %."""
+    engine = engine_of(read("nu-two-stroke"))
+    fine = engine.p.copy()
+    fine[at.STEP_S] = engine.p[at.STEP_S] / 20.0
+    rows = [strokes(run_for(e, running(e), 0.3)) for e in (engine, engine._replace(p=fine))]
+    tdc = np.abs(rows[0][:, at.REC_X] - rows[1][:, at.REC_X])
+    assert np.max(tdc) < 2e-6
+    peak = rows[0][2:, at.REC_P_LEFT : at.REC_P_RIGHT + 1].max(axis=1)
+    other = rows[1][2:, at.REC_P_LEFT : at.REC_P_RIGHT + 1].max(axis=1)
+    assert peak == pytest.approx(other, rel=5e-4)
+
+
+@pytest.mark.slow
+def test_fixed_step_agrees_with_a_tight_reference():
+    pytest.importorskip("scipy")
+    from bench.engine_precision import adaptive, compare, fixed, start
+
+    engine, motion = start("nu-two-stroke")
+    reference, _ = adaptive(engine, motion, "DOP853", 1e-11)
+    rows, _ = fixed(engine, motion, engine.p[at.STEP_S])
+    tdc_error_m, peak_error = compare(rows, reference)
+    assert tdc_error_m < 2e-6
+    assert peak_error < 5e-4
+
+
+def test_engine_without_spark_comes_to_rest():
+    engine = engine_of(read("nu-two-stroke"), self_timed=False)
+    motion = running(engine)
+    run_for(engine, motion, 3.0)
+    assert motion.d[at.DIRECTION] == 0.0
+    assert motion.y[at.V] == 0.0
+
+
+def test_resting_piston_is_moved_by_more_than_its_friction():
+    engine = engine_of(read("bit-starting"), self_timed=False)
+    for force, moves in ((20.0, False), (60.0, True)):
+        motion = at_rest(engine)
+        motion.d[at.FORCE] = force
+        run_for(engine, motion, 0.05)
+        assert (motion.y[at.X] > 1e-4) is moves

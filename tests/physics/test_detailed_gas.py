@@ -1,0 +1,102 @@
+"""Gas, heat and flow of the detailed engines against their equations."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("numba")
+
+from hil.config.detailed import names, read
+from hil.errors import ConfigError
+from plant.detailed import layout as at
+from plant.detailed.engine import at_rest, begin, engine_of, run_for, strokes
+from plant.detailed.gas import flow, heat_release, heat_to_wall
+
+ENGINE = engine_of(read("nu-two-stroke"))
+P = ENGINE.p
+GAMMA = P[at.GAMMA]
+
+
+def orifice(cda, p_up, t_up, p_down):
+    """Eq. 3.15 with the root over the whole bracket."""
+    r = p_down / p_up
+    scale = cda * p_up / math.sqrt(P[at.R_GAS] * t_up)
+    if r <= (2 / (GAMMA + 1)) ** (GAMMA / (GAMMA - 1)):
+        choked = (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (2 * (GAMMA - 1)))
+        return scale * math.sqrt(GAMMA) * choked
+    bracket = 2 * GAMMA / (GAMMA - 1) * (1 - r ** ((GAMMA - 1) / GAMMA))
+    return scale * r ** (1 / GAMMA) * math.sqrt(bracket)
+
+
+@given(ratio=st.floats(0.01, 0.989), p_up=st.floats(5e4, 1e7), t_up=st.floats(250, 3000))
+def test_flow_is_that_of_a_nozzle(ratio, p_up, t_up):
+    expected = orifice(1e-4, p_up, t_up, ratio * p_up)
+    assert flow(P, 1e-4, p_up, t_up, ratio * p_up) == pytest.approx(expected, rel=1e-10)
+
+
+def test_small_flow_joins_the_nozzle_with_value_and_slope():
+    z, eps = P[at.SMALL], 1e-7
+    at_z = [flow(P, 1e-4, 1e5, 300.0, 1e5 * (1 - z + k * eps)) for k in (-2, -1, 1, 2)]
+    assert at_z[1] == pytest.approx(at_z[2], rel=1e-4)
+    assert at_z[0] - at_z[1] == pytest.approx(at_z[2] - at_z[3], rel=1e-3)
+    assert flow(P, 1e-4, 1e5, 300.0, 1e5) == 0.0
+
+
+def test_flow_chokes_at_the_critical_ratio():
+    critical = P[at.CRITICAL]
+    below = flow(P, 1e-4, 1e6, 400.0, 0.2e6)
+    assert flow(P, 1e-4, 1e6, 400.0, critical * 1e6) == pytest.approx(below, rel=1e-12)
+
+
+def test_heat_release_sums_to_the_charge():
+    t = np.linspace(0.0, P[at.BURNT_S], 20_001)
+    rate = [heat_release(P, 185.9, float(x)) for x in t]
+    assert np.trapezoid(rate, t) == pytest.approx(185.9, rel=1e-7)
+    burnt = np.trapezoid([heat_release(P, 1.0, x) for x in t[t <= 5e-3]], t[t <= 5e-3])
+    assert burnt == pytest.approx(1.0 - math.exp(-5.0), rel=1e-3)
+
+
+def test_heat_to_the_wall_is_hohenbergs():
+    v_p, gap, p_gas, t_gas = 2.0, 0.005, 30e5, 1500.0
+    area, bore = math.pi * 0.05**2 / 4, 0.05
+    h = 130 * (area * gap) ** -0.06 * 30**0.8 * t_gas**-0.4 * (v_p + 1.4) ** 0.8
+    expected = 0.5 * h * (2 * area + math.pi * bore * gap) * (t_gas - 420.0)
+    heat = P[at.HOHENBERG] * (v_p + 1.4) ** 0.8
+    found = heat_to_wall(P, 0, heat, area * gap, gap, p_gas, t_gas)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_closed_cylinder_without_losses_is_an_isentrope():
+    c = read("bit-starting")
+    side = c.left.model_copy(update={"leak_m2": 0.0, "walls": 0.0})
+    far = {"exhaust_opens_m": None, "exhaust_closes_m": None, "intake_opens_m": None,
+           "intake_closes_m": None}  # fmt: skip
+    c = c.model_copy(update={"left": side, "right": side, "pump": None,
+                             "cycle": c.cycle.model_copy(update=far)})  # fmt: skip
+    engine = engine_of(c)
+    motion = at_rest(engine)
+    begin(engine, motion, 1)
+    run_for(engine, motion, 0.4)
+    gap = 0.035 + motion.y[at.X]
+    area = math.pi * 0.0525**2 / 4
+    p_gas = (c.gas.gamma - 1) * motion.y[at.U] / (area * gap)
+    assert p_gas == pytest.approx(1e5 * (0.035 / gap) ** c.gas.gamma, rel=1e-7)
+    assert len(strokes(motion)) > 3
+
+
+@pytest.mark.parametrize("name", names())
+def test_each_calibrated_value_has_a_reason(name):
+    from importlib.resources import files
+
+    text = (files("hil") / "engines" / f"{name}.toml").read_text()
+    for line in text.splitlines():
+        if "=" in line.split("#")[0] and not line.startswith(("name", "title")):
+            assert "#" in line, line
+
+
+def test_unknown_engine_is_refused_by_name():
+    with pytest.raises(ConfigError, match=r"'v8': accepted are bit-running"):
+        read("v8")

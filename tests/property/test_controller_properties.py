@@ -1,0 +1,114 @@
+"""What must hold for every sample that the wire can carry, and every order of them."""
+
+import math
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from controller.commands import OperatorCommand
+from controller.estimate import Motion, update
+from controller.laws.pi import pi_step
+from controller.start_restart import Mode
+from controller.step import FIRING_MODES, Inputs, initial_state, make_params, step
+from hil.codec import Encoder
+from hil.config.controller import ControllerConfig, Gains
+from hil.messages import PistonSample
+
+MS = 1_000_000
+# How long an example takes says something of the machine, not of the controller.
+ANY_MACHINE = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+samples = st.none() | st.builds(PistonSample, st.floats(-0.08, 0.08), st.floats(-8.0, 8.0))
+commands = st.none() | st.builds(
+    lambda kind, tdc: OperatorCommand(kind, tdc_ref_m=tdc if kind == "set-point" else None),
+    st.sampled_from(("start", "stop", "set-point")),
+    st.floats(0.001, 0.05),
+)
+numbers = st.floats(-1e3, 1e3)
+
+
+def params(running, law):
+    return make_params(ControllerConfig(running=running, name=law), "nu", MS)
+
+
+@ANY_MACHINE
+@given(
+    st.booleans(),
+    st.sampled_from(["cascade", "single-loop", "open-loop"]),
+    st.lists(st.tuples(samples, commands), min_size=1, max_size=80),
+)
+def test_whatever_is_sensed_the_answer_is_within_limits_and_fits_the_wire(running, law, story):
+    p = params(running, law)
+    state, encoder = initial_state(p), Encoder()
+    for tick, (sample, command) in enumerate(story):
+        state, output = step(p, state, Inputs(tick, sample, command))
+        encoder.encode(output.messages)
+        assert abs(output.machine.force_n) <= p.config.limits.force_n
+        assert 0.0 <= output.machine.load_n_s_m <= 10_000.0
+        assert len(output.messages) <= 4
+        assert output.may_fire == (state.mode in FIRING_MODES)
+        if not output.may_fire:
+            assert output.pulses == ()
+        for pulse in output.pulses:
+            assert pulse.open_ns % 1000 == pulse.duration_ns % 1000 == 0
+            assert pulse.close_ns > tick * MS
+            if pulse.channel < 2:
+                fuel_kg = pulse.duration_ns * 1e-12 - 0.8e-6
+                assert 0.199e-6 < fuel_kg < 6.001e-6
+
+
+@ANY_MACHINE
+@given(st.lists(samples, min_size=10, max_size=60))
+def test_no_order_of_samples_leads_out_of_the_safe_state(story):
+    p = params(True, "cascade")
+    state = initial_state(p)._replace(mode=Mode.SAFE)
+    for tick, sample in enumerate(story):
+        state, output = step(p, state, Inputs(tick, sample))
+        assert state.mode is Mode.SAFE
+        assert output.machine.load_n_s_m == p.full_load_n_s_m
+
+
+@ANY_MACHINE
+@given(st.lists(st.tuples(samples, commands), max_size=40), st.data())
+def test_a_run_can_be_cut_anywhere(story, data):
+    p = params(True, "cascade")
+    cut = data.draw(st.integers(0, len(story)))
+
+    def play(state, ticks):
+        outputs = []
+        for tick in ticks:
+            state, output = step(p, state, Inputs(tick, *story[tick]))
+            outputs.append(output)
+        return state, outputs
+
+    whole, all_outputs = play(initial_state(p), range(len(story)))
+    kept, first = play(initial_state(p), range(cut))
+    last, second = play(kept, range(cut, len(story)))
+    assert first + second == all_outputs
+    assert last == whole
+
+
+@ANY_MACHINE
+@given(st.lists(st.builds(PistonSample, st.floats(-0.08, 0.08), st.floats(-8.0, 8.0)), max_size=60))
+def test_estimate_stays_finite_and_between_its_samples(story):
+    motion = Motion()
+    for tick, (x, v) in enumerate(story):
+        before = motion
+        motion, passed = update(motion, tick * MS, x, v)
+        assert all(math.isfinite(value) for value in motion)
+        assert motion.stroke == before.stroke + passed.dead_centre
+        if passed.dead_centre:
+            assert before.t_ns <= motion.dc_t_ns <= motion.t_ns
+            assert motion.tdc_m >= 0.5e-3
+        if passed.mid_stroke:
+            assert before.t_ns <= motion.mid_t_ns <= motion.t_ns
+
+
+@ANY_MACHINE
+@given(numbers, numbers, st.lists(st.floats(-1.0, 1.0), max_size=60), st.floats(0.001, 10.0))
+def test_pi_output_is_limited_and_its_integral_is_bounded(kp, ki, errors, limit):
+    """One step past the limit, plus what the proportional part hides, is the most it can hold."""
+    integral = 0.0
+    for e in errors:
+        integral, terms = pi_step(Gains(kp=kp, ki=ki), integral, e, -limit, limit)
+        assert -limit <= terms.u <= limit
+        assert abs(integral) <= limit + 2.0 * abs(kp) + abs(ki)

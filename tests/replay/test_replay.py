@@ -1,0 +1,257 @@
+"""Replay: what was recorded is repeated bit by bit, and what is not is found where it happens."""
+
+import json
+import math
+
+import pytest
+
+import hil.log
+from bench import replay_differences
+from bench.log_commands import replay as replay_command
+from bench.replay import replay_file
+from controller.laws import LAWS, pi
+from drivers.recorder import Recorder
+from hil import topics
+from hil.errors import ConfigError, LogError
+from hil.log import Span
+from hil.records import Layout
+from plant import linear
+from runs import each_record, make_run, records_of, rewrite
+
+ALWAYS = Span()
+PROCESSES = ("plant", "controller")
+
+
+def replayed(path, span=ALWAYS):
+    return replay_file(path, None, span)
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_a_recorded_run_is_repeated_bit_by_bit(run_directory, process):
+    outcome = replayed(run_directory / f"{process}.mcap")
+    assert (outcome.identical, outcome.ticks, outcome.gaps, outcome.notes) == (True, 700, (), ())
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+@pytest.mark.parametrize(("start_s", "first"), [(0.26, 250), (0.25, 250), (0.2, 0), (0.6, 500)])
+def test_a_replay_from_an_instant_begins_at_the_snapshot_before(
+    run_directory, process, start_s, first
+):
+    outcome = replayed(run_directory / f"{process}.mcap", Span(round(start_s * 1e9)))
+    assert (outcome.identical, outcome.first_tick, outcome.ticks) == (True, first, 700 - first)
+
+
+def test_a_replay_to_an_instant_ends_there(run_directory):
+    outcome = replayed(run_directory / "plant.mcap", Span(0, 300_000_000))
+    assert (outcome.identical, outcome.ticks) == (True, 301)
+
+
+def nudge(value):
+    return math.nextafter(value, math.inf)
+
+
+def test_one_ulp_in_a_law_is_found_in_the_tick_in_which_it_is_worked_out(
+    run_directory, monkeypatch
+):
+    calls = 0
+    original = LAWS["cascade"]
+
+    def nudged(*arguments):
+        nonlocal calls
+        state, demand = original.step(*arguments)
+        calls += 1
+        return state, (demand._replace(fuel_kg=nudge(demand.fuel_kg)) if calls == 10 else demand)
+
+    monkeypatch.setitem(LAWS, "cascade", original._replace(step=nudged))
+    outcome = replayed(run_directory / "controller.mcap")
+    with hil.log.open(run_directory / "controller.mcap") as log:
+        demand = log.array("/demand")[9]
+    assert not outcome.identical
+    assert outcome.found.tick == demand["tick"]
+    first = outcome.found.differences[0]
+    assert (first.topic, first.field, first.recorded, first.replayed) == (
+        "/demand", "fuel_kg", demand["fuel_kg"], nudge(float(demand["fuel_kg"])),
+    )  # fmt: skip
+    assert outcome.found.around
+
+
+def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
+    calls = 0
+    original = linear.evaluate
+
+    def nudged(path, tau):
+        nonlocal calls
+        calls += 1
+        x, v = original(path, tau)
+        return (nudge(x) if calls == 333 else x), v
+
+    monkeypatch.setattr("plant.step.evaluate", nudged)
+    outcome = replayed(run_directory / "plant.mcap")
+    assert outcome.different == 1  # the closed form does not build on the position before
+    (difference,) = [d for d in outcome.found.differences if d.topic == "/truth"]
+    assert (difference.field, difference.tick) == ("x_m", outcome.found.tick)
+    assert difference.replayed == nudge(difference.recorded)
+
+
+def test_the_command_tells_both_values_and_the_strokes_around(run_directory, monkeypatch, capsys):
+    def other(*arguments):
+        state, terms = pi.pi_step(*arguments)
+        return state, terms._replace(u=terms.u * 1.001)
+
+    monkeypatch.setattr("controller.laws.cascade.pi_step", other)
+    assert replay_command(run_directory / "controller.mcap", None, None, None) == 1
+    told = capsys.readouterr().out
+    assert "differs first at tick" in told
+    assert "/demand fuel_kg" in told
+    assert "stroke" in told
+
+
+def test_the_command_says_identical_and_how_many_ticks(run_directory, capsys):
+    assert replay_command(run_directory / "plant.mcap", None, None, None) == 0
+    assert "identical, 700 ticks" in capsys.readouterr().out
+
+
+def without(data, unwanted):
+    """The records without some, chosen by (channel, tick)."""
+    kept = []
+    for channel, record in each_record(data):
+        tick = int.from_bytes(record[11:15], "little")
+        if not unwanted(channel, tick):
+            kept.append(record)
+    return b"".join(kept)
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_ticks_that_the_log_has_lost_are_told_and_passed_over(run_directory, tmp_path, process):
+    path = run_directory / f"{process}.mcap"
+    data = without(records_of(path), lambda _, tick: 301 <= tick <= 340)
+    outcome = replayed(rewrite(path, tmp_path / "lost.mcap", data))
+    assert outcome.identical
+    assert outcome.gaps == ((301, 500),)
+    assert outcome.ticks == 700 - 199
+
+
+def test_events_of_the_recorder_do_not_disturb(run_directory, tmp_path):
+    path = run_directory / "controller.mcap"
+    records = [record for _, record in each_record(records_of(path))]
+    for place in (0, 7, 8, 400, 1201, len(records)):
+        records.insert(place, topics.EVENT.pack(1, 1, 1, "log-dropped", "some"))
+        records.insert(place, topics.EVENT.pack(0, 0, 0, "real-time", "memory: locked"))
+    outcome = replayed(rewrite(path, tmp_path / "noted.mcap", b"".join(records)))
+    assert (outcome.identical, outcome.ticks) == (True, 700)
+
+
+def test_a_log_cut_within_a_tick_is_replayed_up_to_there(run_directory, tmp_path):
+    path = run_directory / "plant.mcap"
+    records = [record for _, record in each_record(records_of(path))]
+    outcome = replayed(rewrite(path, tmp_path / "cut.mcap", b"".join(records[:-3])))
+    assert outcome.ticks >= 698
+    assert outcome.identical or outcome.found.tick >= 698
+
+
+def test_operator_commands_are_repeated_as_they_came(tmp_path, monkeypatch):
+    """Accepted and refused ones, taken from the command key and not from the scenario."""
+    from drivers.channels import MemoryCommands
+
+    given = [
+        {"kind": "set-point", "tdc_ref_m": 0.0151},
+        {"kind": "set-point", "tdc_ref_m": 7.0},
+        {"kind": "stop"},
+    ]
+
+    def poll(self):
+        return ("tester", json.dumps(given.pop(0)).encode()) if given else None
+
+    monkeypatch.setattr(MemoryCommands, "poll", poll)
+    directory = make_run(tmp_path / "commanded")
+    monkeypatch.undo()
+    with hil.log.open(directory / "controller.mcap") as log:
+        codes = [event.code for event in log.records("/event")]
+        assert log.topics["/command"].messages == 3
+    assert {"command", "command-refused", "mode stopping"} <= set(codes)
+    assert replayed(directory / "controller.mcap").identical
+
+
+def test_a_log_without_its_configuration_is_refused(run_directory, tmp_path):
+    path = run_directory / "plant.mcap"
+    bare = rewrite(path, tmp_path / "bare.mcap", records_of(path), drop_attachments=True)
+    with pytest.raises(LogError, match=r"bare\.mcap: cannot be replayed: it carries no scenario"):
+        replayed(bare)
+
+
+def test_a_log_that_does_not_say_whose_it_is_is_refused(run_directory, tmp_path):
+    path = run_directory / "plant.mcap"
+    bare = rewrite(path, tmp_path / "bare.mcap", records_of(path), metadata={})
+    with pytest.raises(LogError, match="does not say whether plant or controller wrote it"):
+        replayed(bare)
+
+
+def test_a_configuration_of_another_version_is_refused_by_key(run_directory, tmp_path):
+    source = run_directory / "plant.mcap"
+    with hil.log.open(source) as log:
+        tree = json.loads(log.attachments["scenario.json"].content) | {"warp": 9}
+        metadata = {name: v for name, v in log.metadata.items() if name != "recorder"}
+    path = tmp_path / "other.mcap"
+    attachments = [("scenario.json", "application/json", json.dumps(tree).encode())]
+    recorder = Recorder.open(path, metadata, attachments, blocking=True)
+    recorder.put(records_of(source)[:100_000])
+    recorder.close()
+    with pytest.raises(LogError, match=r"other\.mcap: scenario\.json: warp: unknown key"):
+        replayed(path)
+
+
+def test_a_span_that_is_none_is_refused(run_directory):
+    with pytest.raises(ConfigError, match="0 <= from <= to"):
+        replay_command(run_directory / "plant.mcap", None, 0.5, 0.2)
+
+
+def rig_log(source, out, names=("/sensor", "/actuator")):
+    numbers = {topic.channel_id for topic in topics.ALL if topic.name in names}
+    data = b"".join(r for channel, r in each_record(records_of(source)) if channel in numbers)
+    return rewrite(source, out, data, only=names)
+
+
+def test_a_log_of_sensors_and_actuators_alone_is_replayed_and_the_limits_told(
+    run_directory, tmp_path
+):
+    outcome = replayed(rig_log(run_directory / "controller.mcap", tmp_path / "rig.mcap"))
+    assert (outcome.identical, outcome.ticks) == (True, 700)
+    told = " ".join(outcome.notes)
+    assert "no /frames/received" in told
+    assert "no /command" in told
+
+
+def test_a_rig_whose_controller_answers_otherwise_is_told_by_field(run_directory, tmp_path):
+    source = run_directory / "controller.mcap"
+    path = rig_log(source, tmp_path / "rig.mcap")
+    records = [record for _, record in each_record(records_of(path))]
+    layout = topics.ACTUATOR.layout
+    changed = []
+    for record in records:
+        if record[9] == topics.ACTUATOR.channel_id and record[11:15] == (90).to_bytes(4, "little"):
+            values = list(layout.unpack(record[35:]))
+            values[5] += 1.0
+            record = topics.ACTUATOR.pack(*values)  # noqa: PLW2901
+        changed.append(record)
+    data = b"".join(changed)
+    names = ("/sensor", "/actuator")
+    outcome = replayed(rewrite(source, tmp_path / "other.mcap", data, only=names))
+    assert (outcome.different, outcome.found.tick) == (1, 90)
+    assert outcome.found.differences[0].field == "load_coefficient_n_s_m"
+
+
+def test_a_log_without_any_input_is_refused(run_directory, tmp_path):
+    path = rig_log(run_directory / "plant.mcap", tmp_path / "t.mcap", ("/truth", "/timing"))
+    with pytest.raises(LogError, match="neither /frames/received nor /sensor"):
+        replayed(path)
+
+
+def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, monkeypatch):
+    today = replay_differences._TODAY["/truth"]
+    fields = (*today.fields, today.fields[-1]._replace(name="extra"))
+    newer = today._replace(fields=fields, layout=Layout(fields))
+    monkeypatch.setitem(replay_differences._TODAY, "/truth", newer)
+    with hil.log.open(run_directory / "plant.mcap") as log:
+        records = replay_differences.Records(log)
+        told = records.notes()
+    assert told == ["/truth.extra is only in today: not compared"]

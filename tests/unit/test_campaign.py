@@ -1,0 +1,216 @@
+"""Campaigns: draws by seed and number alone, parts that are never run twice, one table."""
+
+import math
+import tomllib
+from contextlib import contextmanager
+
+import pytest
+from rich.console import Console
+
+from bench import campaign as campaigns
+from bench import campaign_config, campaign_run, campaign_table
+from bench.campaign_config import Campaign, LoadSpread, MisfireSpread, Spread, draw
+from bench.compare import compare, laws_of
+from bench.compare_page import table
+from bench.settled import Response
+from hil.errors import ConfigError, RunError
+
+pytest.importorskip("pyarrow")
+
+CONSOLE = Console(quiet=True)
+SMALL = Campaign(
+    name="small", runs=10, seed=3, duration_s=0.4, controllers=("cascade", "pdf"),
+    load=LoadSpread(at_s=0.2, ramp_s=0.05),
+    misfires=MisfireSpread(),
+    set={"plant.sensors.noise_v_m_s": 0.02},
+    vary={"plant.engine.moving_mass_kg": Spread(relative=0.1),
+          "plant.injector.dead_time_s": Spread(low=0.72e-3, high=0.88e-3),
+          "plant.command_delay_ticks": Spread(choices=(0, 1))},
+)  # fmt: skip
+
+
+class Future:
+    def __init__(self, key, value):
+        self.key, self.value, self.status = key, value, "finished"
+
+    def result(self):
+        return self.value
+
+
+class Serial:
+    """A cluster in this process; `fail_after` parts it is gone."""
+
+    def __init__(self, fail_after=None):
+        self.ran, self.fail_after = [], fail_after
+
+    def scheduler_info(self):
+        return {"workers": {"here": {}}}
+
+    def submit(self, function, campaign, indices, pure):
+        if self.fail_after is not None and len(self.ran) >= self.fail_after:
+            future = Future(str(indices[0]), None)
+            future.status, future.exception = "error", lambda: "killed"
+            return future
+        self.ran.append(indices)
+        return Future(str(indices[0]), function(campaign, indices))
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    pytest.importorskip("distributed")
+    made = []
+
+    class Queue(list):
+        def add(self, future):
+            self.append(future)
+
+        def __iter__(self):
+            while self:
+                yield self.pop(0)
+
+    @contextmanager
+    def serial(scheduler, workers):
+        yield made[-1]
+
+    monkeypatch.setattr(campaigns, "_cluster", serial)
+    monkeypatch.setattr(campaigns, "PART", 4)
+    monkeypatch.setattr("distributed.as_completed", Queue)
+    return made
+
+
+def test_a_draw_depends_on_seed_and_number_alone():
+    assert draw(SMALL, 17) == draw(SMALL, 17)
+    assert draw(SMALL, 17) != draw(SMALL, 19)
+    other = draw(SMALL.model_copy(update={"seed": 4}), 17)
+    assert other.facts != draw(SMALL, 17).facts
+
+
+def test_laws_meet_the_same_draws():
+    one, two = draw(SMALL, 20).facts, draw(SMALL, 21).facts
+    assert one.pop("controller") == "cascade"
+    assert two.pop("controller") == "pdf"
+    assert one == two
+
+
+def test_draws_stay_in_their_spreads():
+    for index in range(0, 200, 2):
+        facts = draw(SMALL, index).facts
+        assert 6.3 <= facts["plant.engine.moving_mass_kg"] <= 7.7
+        assert 0.72e-3 <= facts["plant.injector.dead_time_s"] <= 0.88e-3
+        assert facts["plant.command_delay_ticks"] in (0, 1)
+        assert 0.8 <= facts["load"] <= 1.2
+
+
+def test_the_controller_believes_the_engine_that_was_not_varied():
+    nominal = Campaign(runs=1, duration_s=0.4, load=LoadSpread(at_s=0.2))
+    varied = campaign_config.scenario_of(SMALL, draw(SMALL, 0)).controller.preset
+    assert varied == campaign_config.scenario_of(nominal, draw(nominal, 0)).controller.preset
+
+
+def test_a_run_gives_the_same_row_again():
+    assert str(campaign_run.run_one(SMALL, 5)) == str(campaign_run.run_one(SMALL, 5))
+
+
+def test_the_packaged_campaign_can_be_drawn():
+    campaign = campaign_config.read("robustness")
+    assert campaign.runs == 2000
+    for index in range(40):
+        campaign_config.scenario_of(campaign, draw(campaign, index))
+
+
+@pytest.mark.parametrize(
+    "spread", [{}, {"low": 1.0}, {"low": 0.0, "high": 1.0, "relative": 0.1}, {"relative": 2.0}]
+)
+def test_a_spread_is_of_one_kind(spread):
+    with pytest.raises(ValueError, match=r"accepted|less than"):
+        Spread.model_validate(spread)
+
+
+def test_what_is_not_a_campaign_is_said_so(tmp_path):
+    with pytest.raises(ConfigError, match="robustness"):
+        campaign_config.read("unknown")
+    file = tmp_path / "c.toml"
+    file.write_text("runs = 0\n")
+    with pytest.raises(ConfigError, match="runs"):
+        campaign_config.read(str(file))
+
+
+def test_a_campaign_that_was_killed_goes_on_and_runs_nothing_twice(cluster, tmp_path):
+    cluster.append(Serial())
+    whole = campaigns.run(SMALL, tmp_path / "whole", None, 1, CONSOLE)
+    first = Serial(fail_after=2)
+    cluster.append(first)
+    with pytest.raises(RunError, match="killed"):
+        campaigns.run(SMALL, tmp_path / "cut", None, 1, CONSOLE)
+    second = Serial()
+    cluster.append(second)
+    cut = campaigns.run(SMALL, tmp_path / "cut", None, 1, CONSOLE)
+    assert len(first.ran) == 2
+    assert len(second.ran) == 1
+    rows = campaigns.rows_of(cut)
+    assert [row["run"] for row in rows] == list(range(10))
+    tables = [campaign_table.table(SMALL, campaigns.rows_of(file)) for file in (whole, cut)]
+    assert tables[0] == tables[1]
+    cluster.append(None)
+    assert campaigns.rows_of(campaigns.run(SMALL, tmp_path / "cut", None, 1, CONSOLE)) is not None
+
+
+def test_another_campaign_does_not_go_into_the_same_directory(cluster, tmp_path):
+    cluster.append(Serial())
+    small = SMALL.model_copy(update={"runs": 2})
+    campaigns.run(small, tmp_path, None, 1, CONSOLE)
+    with pytest.raises(ConfigError, match="another campaign"):
+        campaigns.run(small.model_copy(update={"seed": 9}), tmp_path, None, 1, CONSOLE)
+
+
+def test_worst_runs_are_scenarios_that_can_be_run(tmp_path):
+    rows = campaign_run.run_many(SMALL, list(range(6)))
+    campaign_table.write_worst(SMALL, rows, tmp_path)
+    files = sorted(tmp_path.glob("*.toml"))
+    assert files
+    tree = tomllib.loads(files[0].read_text())
+    drawn = draw(SMALL, int(files[0].stem))
+    again = campaign_config.build(tree, files[0].name)
+    wanted = campaign_config.build(campaign_config.tree_of(SMALL, drawn), "x")
+    assert again.plant == wanted.plant
+    assert again.events == wanted.events
+    assert again.controller == wanted.controller
+
+
+def test_settling_counts_to_the_first_dead_centre_inside():
+    response = Response((0.01, 0.02, 0.03), (1.0, 0.05, -0.02))
+    assert response.settling_ms == pytest.approx(20.0)
+    assert Response((0.01,), (1.0,)).settling_ms == math.inf
+    noisy = Response(tuple(0.01 * k for k in range(1, 31)),
+                     (2.0, *(0.2 * (-1) ** k for k in range(29))), 0.2)  # fmt: skip
+    assert noisy.settling_ms == math.inf
+    assert noisy.settling_band_ms == pytest.approx(20.0)
+    assert noisy.settling_mean_ms == pytest.approx(20.0)
+
+
+def test_a_comparison_shows_every_law_and_the_bound():
+    found = compare("load-decrease", ["pdf"], [("plant.model", "rectangular")])
+    text = table(found)
+    assert "| bound |" in text
+    assert "| pdf |" in text
+    for load in found.loads:
+        assert found.cells["pdf", load, "c"].response.peak_mm == pytest.approx(
+            found.bounds[load, "c", "full"].peak_mm, rel=0.05, abs=0.012
+        )
+
+
+def test_unknown_laws_are_refused():
+    with pytest.raises(ConfigError, match="cascade"):
+        laws_of("cascade,none-such")
+    with pytest.raises(ConfigError, match="load step"):
+        compare("steady", ["pdf"])
+
+
+@pytest.mark.slow
+def test_a_local_cluster_gives_what_one_process_gives(tmp_path):
+    pytest.importorskip("distributed")
+    campaign = SMALL.model_copy(update={"runs": 24, "duration_s": 0.4})
+    file = campaigns.run(campaign, tmp_path, None, 2, CONSOLE)
+    here = campaign_run.run_many(campaign, list(range(24)))
+    there = campaigns.rows_of(file)
+    assert [str(row) for row in there] == [str(row) for row in here]

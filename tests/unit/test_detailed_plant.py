@@ -1,0 +1,129 @@
+"""A detailed engine behind the plant's step: pulses, orders, refusals, the closed loop."""
+
+import pytest
+
+pytest.importorskip("numba")
+
+from bench.resolve import resolve
+from controller.estimate import Motion
+from controller.ignition import predict
+from hil.config.load import build
+from hil.config.plant import PlantConfig
+from hil.errors import ConfigError
+from hil.prototypes import NU
+from plant.actuation import PulseOrder
+from plant.events import CONTACT, MISFIRE
+from plant.initial import initial_state
+from plant.machine import GENERATOR, MOTOR, MachineOrder
+from plant.params import plant_params
+from plant.state import Command
+from plant.step import step
+
+FUEL_KG = 185.9 / 44e6
+PERIOD_NS = 1_000_000
+LOAD = MachineOrder(GENERATOR, 0.0, 810.0)
+CONFIG = PlantConfig(model="two-stroke")
+
+
+def run(ticks, pulses=(), order=LOAD, settled=True):
+    params = plant_params(CONFIG, PERIOD_NS)
+    state, _ = initial_state(params, FUEL_KG if settled else None, 810.0)
+    seen = []
+    for _ in range(ticks):
+        state, events = step(params, state, Command(order, tuple(pulses)))
+        seen += events
+    return state, seen
+
+
+def test_settled_run_begins_at_the_left_dead_centre_alight():
+    state, _ = run(1)
+    assert state.dead_centre.x_m == pytest.approx(-15.67e-3, abs=0.05e-3)
+    assert state.x_m > state.dead_centre.x_m
+    assert state.gas.p_left_pa > 20e5
+
+
+def test_spark_and_fuel_make_a_combustion():
+    pulses = [PulseOrder(1, 9000, 4224 + 800), PulseOrder(3, 14_400, 500)]
+    params = plant_params(
+        PlantConfig(model="two-stroke", injector={"static_flow_kg_s": 1e-3}), PERIOD_NS
+    )
+    state, _ = initial_state(params, FUEL_KG, 810.0)
+    seen = []
+    for _ in range(20):
+        state, events = step(params, state, Command(LOAD, tuple(pulses)))
+        seen += events
+    assert state.dead_centre.number == 2
+    assert state.dead_centre.fuel_kg == pytest.approx(4.224e-6, abs=2e-9)
+    assert [e for e in seen if e.code == MISFIRE] == []
+
+
+def test_spark_without_fuel_is_a_misfire():
+    _, seen = run(20, [PulseOrder(3, 14_400, 500)])
+    assert [e.text for e in seen if e.code == MISFIRE] == ["right: no fuel"]
+
+
+def test_fuel_without_spark_is_a_misfire():
+    _, seen = run(20, [PulseOrder(1, 8000, 1800)])
+    assert [e.text for e in seen if e.code == MISFIRE] == ["right: no spark"]
+
+
+def test_spark_without_compression_is_a_misfire():
+    _, seen = run(20, [PulseOrder(1, 1000, 1800), PulseOrder(3, 4000, 500)])
+    text = next(e.text for e in seen if e.code == MISFIRE)
+    assert text.startswith("right: no compression")
+
+
+def test_same_inputs_give_the_same_state():
+    assert run(60)[0] == run(60)[0]
+
+
+def test_motor_moves_the_piston_from_rest():
+    state, seen = run(30, order=MachineOrder(MOTOR, 400.0, 0.0), settled=False)
+    assert state.x_m > 5e-3
+    assert [e for e in seen if e.code == CONTACT] == []
+
+
+def test_lost_controller_ends_at_rest():
+    params = plant_params(CONFIG, PERIOD_NS)
+    state, _ = initial_state(params, FUEL_KG, 810.0)
+    for _ in range(3000):
+        state, _ = step(params, state, None)
+    assert not state.moving
+    assert state.v_m_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("tree", "text"),
+    [
+        ({"plant": {"model": "four-stroke", "prototype": "bit"}}, "no calibration"),
+        ({"plant": {"model": "two-stroke", "engine": {"moving_mass_kg": 6.0}}}, "moving_mass_kg"),
+        ({"plant": {"model": "four-stroke"}, "controller": {"name": "cascade"}}, "open-loop alone"),
+        ({"plant": {"model": "four-stroke"}, "begins": "at-rest"}, "begins settled"),
+        ({"plant": {"model": "starting", "prototype": "nu"}}, "no calibration"),
+        ({"plant": {"model": "two-stroke", "load_coefficient_n_s_m": 2000.0}}, "the engine stops"),
+    ],
+)
+def test_what_has_no_engine_is_refused(tree, text):
+    with pytest.raises(ConfigError, match=text):
+        resolve(build(tree, "test"))
+
+
+def test_each_model_brings_its_own_defaults():
+    two = resolve(build({"plant": {"model": "two-stroke"}}, "test"))
+    cold = resolve(build({"plant": {"model": "starting"}}, "test"))
+    assert two.controller.open_loop.fuel_kg == pytest.approx(FUEL_KG)
+    assert two.controller.tdc_ref_m == pytest.approx(15.67e-3, abs=0.05e-3)
+    assert two.controller.timing.spark_position_m == pytest.approx(15e-3)
+    assert cold.plant.prototype == "bit"
+    assert cold.controller.timing.spark_position_m == pytest.approx(28e-3)
+
+
+def test_prediction_of_a_braked_mass_before_a_gas_spring():
+    """Without gas ahead the way left is v m / c (1 - exp(-c t / m)), which is inverted here."""
+    import math
+
+    c, v, way = 810.0 / 7.0, 2.0, 5e-3
+    h = 1e-6
+    motion = Motion(direction=1, x_m=0.0, v_m_s=v, a_m_s2=-c * v * (1 + 0.5 * c * h))
+    reach, _ = predict(NU, motion, h, 810.0, way)
+    assert reach == pytest.approx(-math.log(1.0 - way * c / v) / c, rel=1e-3)

@@ -1,0 +1,113 @@
+"""The installer on the file system of another machine: complete, repeatable, reversible."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SYSTEMD = Path(__file__).resolve().parents[2] / "systemd"
+
+
+def run(name: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [SYSTEMD / name, *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+
+
+def install(root: Path, *arguments: str) -> list[str]:
+    done = run("install", "--root", root, "--no-packages", *arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def files(root: Path) -> set[str]:
+    return {str(p.relative_to(root)) for p in root.rglob("*") if p.is_file() or p.is_symlink()}
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("root")
+    install(root, "--python", "/opt/python/bin/python3", "--cpus", "2,3")
+    return root
+
+
+def test_every_unit_is_there_and_knows_its_interpreter(installed: Path) -> None:
+    units = installed / "etc/systemd/system"
+    names = {path.name for path in (SYSTEMD / "units").iterdir()}
+    assert names <= {path.name for path in units.iterdir()}
+    for path in units.rglob("fpeg*"):
+        if path.is_file():
+            assert "@PYTHON@" not in path.read_text()
+    controller = (units / "fpeg-controller.service").read_text()
+    assert "ExecStart=/opt/python/bin/python3 -P -m bench.service controller" in controller
+    assert (units / "fpeg-plant.service.d/cpu.conf").read_text() == "[Service]\nCPUAffinity=2\n"
+    assert (units / "fpeg-controller.service.d/cpu.conf").read_text().endswith("CPUAffinity=3\n")
+
+
+def test_all_packages_and_their_data_are_there(installed: Path) -> None:
+    lib = installed / "opt/fpeg-hil/lib"
+    assert {"hil", "drivers", "plant", "controller", "bench"} <= {p.name for p in lib.iterdir()}
+    assert (lib / "hil/fpeg.dbc").exists()
+    assert (lib / "bench/scenarios/load-decrease.toml").exists()
+    assert not list(lib.rglob("*.pyc"))
+
+
+def test_the_command_is_a_link_within_the_root(installed: Path) -> None:
+    link = installed / "usr/local/bin/hil"
+    assert str(link.readlink()) == "/opt/fpeg-hil/bin/hil"
+    assert (installed / "opt/fpeg-hil/bin/hil").stat().st_mode & 0o111
+
+
+def test_a_second_run_changes_nothing(installed: Path) -> None:
+    before = {name: (installed / name).stat().st_mtime_ns for name in files(installed)
+              if not (installed / name).is_symlink()}  # fmt: skip
+    lines = install(installed, "--python", "/opt/python/bin/python3", "--cpus", "2,3")
+    assert not [line for line in lines if line.startswith("installed")]
+    assert before == {name: (installed / name).stat().st_mtime_ns for name in before}
+
+
+def test_a_changed_configuration_is_kept(tmp_path: Path) -> None:
+    install(tmp_path)
+    config = tmp_path / "etc/fpeg-hil/engine.toml"
+    config.write_text("# mine\n")
+    assert any(line.split() == ["kept", "/etc/fpeg-hil/engine.toml"] for line in install(tmp_path))
+    assert config.read_text() == "# mine\n"
+
+
+def test_uninstall_leaves_configuration_and_purge_leaves_nothing(tmp_path: Path) -> None:
+    install(tmp_path, "--cpus", "0,1")
+    done = run("uninstall", "--root", tmp_path)
+    assert done.returncode == 0
+    assert files(tmp_path) == {"etc/fpeg-hil/engine.toml", "etc/fpeg-hil/can.conf"}
+    assert run("uninstall", "--root", tmp_path, "--purge").returncode == 0
+    assert files(tmp_path) == set()
+    assert run("uninstall", "--root", tmp_path).stdout == "done\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--root", "/no/such/place"], "/no/such/place"),
+        (["--cpus", "2"], "PLANT,CONTROLLER"),
+        (["--python", "python3"], "absolute"),
+        (["--colour", "red"], "--colour"),
+        (["--root"], "--root"),
+    ],
+)
+def test_a_wrong_argument_is_named(tmp_path: Path, arguments: list[str], named: str) -> None:
+    given = arguments if "--root" in arguments else ["--root", str(tmp_path), *arguments]
+    done = run("install", *given)
+    assert done.returncode == 2
+    assert named in done.stderr
+
+
+def test_the_installed_configuration_is_accepted() -> None:
+    from bench.service import checked
+    from drivers.process import read_scenario
+
+    path = SYSTEMD / "config/engine.toml"
+    scenario = checked(read_scenario(path), path)
+    assert not scenario.controller.running
+    assert scenario.link.bus == "socketcan:vcan0"
