@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from bench.bus_rig import Sent
-from hil.messages import ControllerTick, PistonSample, PlantTick
+from hil.messages import PistonSample, PlantTick
 from hil.signals import layout_of
 
 _SEED: Final = 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -30,10 +31,11 @@ def table() -> None:
     for row in rows:
         form = "{:+.2f}" if row.absolute else "{:+.1%}"
         allowed = f"{row.tolerance:g}" if row.absolute else f"{row.tolerance:.0%}"
-        shown.add_row(
-            row.table, row.name, f"{row.thesis:g}", f"{row.ours:.4g}", form.format(row.error),
-            allowed, "ok" if row.reached else "out",
-        )  # fmt: skip
+        ours, error = f"{row.ours:.4g}", form.format(row.error)
+        if math.isnan(row.ours):
+            ours, error = "stops", ""
+        verdict = "ok" if row.reached else "out"
+        shown.add_row(row.table, row.name, f"{row.thesis:g}", ours, error, allowed, verdict)
     Console(highlight=False).print(shown)
     raise typer.Exit(0 if all(row.reached for row in rows) else 1)
 

@@ -6,6 +6,7 @@ import json
 from typing import NamedTuple, get_args
 
 from hil.config.controller import ControllerName
+from hil.config.plant import FAULT_KINDS
 from hil.errors import ConfigError
 
 KINDS = ("start", "stop", "set-point", "law")
@@ -30,8 +31,10 @@ class OperatorCommand(NamedTuple):
         return " ".join([self.kind, *words, *law, f"from {self.origin}"])
 
 
-def parse(raw: bytes, origin: str) -> OperatorCommand:
+def parse(raw: bytes, origin: str) -> OperatorCommand | None:
     """Read a command from its JSON form, as in {"kind": "set-point", "tdc_ref_m": 0.015}.
+
+    Returns: the command; None for a fault, which the plant reads from the same key
 
     Raises: ConfigError that names what is wrong and what is accepted
     """
@@ -39,8 +42,12 @@ def parse(raw: bytes, origin: str) -> OperatorCommand:
         fields = json.loads(raw)
     except (ValueError, RecursionError):
         raise ConfigError(f"command from {origin}: not JSON") from None
-    if not isinstance(fields, dict) or fields.get("kind") not in KINDS:
-        raise ConfigError(f"command from {origin}: kind must be one of {', '.join(KINDS)}")
+    kind = fields.get("kind") if isinstance(fields, dict) else None
+    if kind in FAULT_KINDS:
+        return None
+    if not isinstance(fields, dict) or kind not in KINDS:
+        accepted = ", ".join((*KINDS, *FAULT_KINDS))
+        raise ConfigError(f"command from {origin}: kind must be one of {accepted}")
     unknown = set(fields) - {"kind", "law", *_NUMBERS}
     if unknown:
         raise ConfigError(

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from controller.commands import OperatorCommand, parse
+from controller.commands import parse
 from controller.loop import ControllerLoop
 from controller.start_restart import Mode
 from hil.errors import ConfigError
@@ -78,10 +78,10 @@ class DutyCommands:
     def _note(self, origin: str, raw: bytes) -> None:
         """Remember a target power, which the set points in force no longer tell."""
         try:
-            command: OperatorCommand = parse(raw, origin)
+            command = parse(raw, origin)
         except ConfigError:
             return  # the loop refuses it and says so
-        if command.target_power_w is not None:
+        if command is not None and command.target_power_w is not None:
             self.target_power_w = command.target_power_w
 
 

@@ -238,7 +238,7 @@ def _decide_mode(
     if fired:
         state = state._replace(fired_t_ns=motion.dc_t_ns, fired_strokes=state.fired_strokes + 1)
     elif state.fired_t_ns >= 0 and stale == 0 and _check_is_due(state, t_ns):
-        misfired = _has_misfired(state, motion)
+        misfired = _has_misfired(params, state, motion)
         misfires = state.misfires + 1 if misfired else 0
         state = state._replace(fired_t_ns=-1, misfires=misfires)
     config = params.config
@@ -329,12 +329,19 @@ def _check_is_due(state: State, t_ns: int) -> bool:
     return t_ns - state.fired_t_ns >= MISFIRE_CHECK_FRACTION * stroke_ns
 
 
-def _has_misfired(state: State, motion: Motion) -> bool:
+def _has_misfired(params: Params, state: State, motion: Motion) -> bool:
     """Compare the speed reached since the dead centre with that of a burnt charge.
 
+    Half-way between the speeds with this charge and with none, by the stroke's map; without one
     v = v_mid sin(pi t / T), scaled by the dead centre from which the piston started.
     """
     point = state.set_points.point
+    if params.model is not None and params.model.fits:
+        fuel_kg = state.burnt_kg[motion.side]
+        with_charge, without = trimming.speeds(
+            params.model, motion, state.set_points.load_n_s_m, fuel_kg
+        )
+        return motion.direction * motion.v_m_s < 0.5 * (with_charge + without)
     scale = motion.tdc_m / state.set_points.tdc_ref_m
     expected = point.v_mid_m_s * scale * math.sqrt(0.5)  # sin(pi / 4)
     return motion.direction * motion.v_m_s < MISFIRE_SPEED_RATIO * expected

@@ -10,7 +10,7 @@ from controller import safety, timing
 from controller.actuator import Machine
 from controller.estimate import Motion, Passed, seconds_to_dead_centre
 from controller.laws import LAWS
-from controller.laws.engine_map import EngineMap, calibrate, travel
+from controller.laws.engine_map import EngineMap, at, calibrate, path, travel
 from controller.laws.interface import Demand, Handover, TickFacts, Watch
 from controller.supervisory import SetPoints, initial
 from controller.timing import Plan
@@ -84,6 +84,17 @@ def seconds_ahead(
     tau = (motion.t_ns - motion.dc_t_ns) * 1e-9
     z, v = direction * motion.x_m, direction * motion.v_m_s
     return travel(model, burnt_kg[motion.side], load_n_s_m, z, v, tau)[1]
+
+
+def speeds(
+    model: EngineMap, motion: Motion, load_n_s_m: float, fuel_kg: float
+) -> tuple[float, float]:
+    """Speeds that the piston should have by now: with the charge burnt, and with none [m/s]."""
+    tau = (motion.t_ns - motion.dc_t_ns) * 1e-9
+    fired, unfired = (
+        at(path(model, q, load_n_s_m, -motion.tdc_m, 0.0, 0.0), tau)[1] for q in (fuel_kg, 0.0)
+    )
+    return fired, unfired
 
 
 def ahead_by(

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from hil import snapshot, topics
 from hil.codec import Decoder, Encoder
 from hil.e2e import MAX_DELTA
+from hil.errors import ConfigError
 from hil.exchange import await_batch
 from hil.messages import (
     PULSE_CLOCK_US,
@@ -21,8 +22,9 @@ from hil.messages import (
     Pulse,
 )
 from hil.pacing import Pacer, Slot
-from hil.ports import Link, Recorder, StatusSink
+from hil.ports import CommandSource, Link, Recorder, StatusSink
 from plant import events as codes
+from plant import faults
 from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.machine import MachineOrder
@@ -61,6 +63,8 @@ _NO_ANSWER: Final = Answer(-1, None, ())
 _NOT_YET: Final = Answer(-2, Command(), ())
 """Before the first answer nothing is missing: the plant goes on as it began."""
 
+_COMMAND_EVERY: Final = 10
+
 _COMING_UP_NS: Final = 1_000_000_000
 """For so long at the most."""
 
@@ -80,6 +84,7 @@ class PlantLoop:
         status: StatusSink,
         status_every: int,
         snapshot_every: int = 0,
+        commands: CommandSource | None = None,
     ) -> None:
         self.params = params
         self.state = state
@@ -101,6 +106,8 @@ class PlantLoop:
         self._silent_turns = 0
         self._throttle = 1.0
         self._snapshot_every = snapshot_every or _NEVER
+        self._commands = commands
+        self._heard = b""
         self._measured = self._measure()
 
     def turn(self, tick: int) -> int:
@@ -119,6 +126,8 @@ class PlantLoop:
         if patience_ns and slot.tick > self._first_tick:
             arrived = self._await(patience_ns)
         answer = self._understand(arrived)
+        if self._commands is not None and slot.tick % _COMMAND_EVERY == 0:
+            self._take_fault(self._commands, slot.tick)
         before = self.state
         self.state, events = step(self.params, before, answer.command)
         self._measured = self._measure()
@@ -149,6 +158,26 @@ class PlantLoop:
         )
         body = PistonSample(_within(x_m, 0.08), _within(v_m_s, 8.0))
         return Measured(sensed, left, right, power, self._encoder.encode((head, body)))
+
+    def _take_fault(self, commands: CommandSource, tick: int) -> None:
+        """Take a fault that was ordered over the command key; what is not ours is left alone."""
+        received = commands.poll()
+        if received is None:
+            return
+        origin, raw = received
+        t_ns = tick * self.params.period_ns
+        heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
+        try:
+            event = faults.parse(raw, origin, t_ns)
+        except ConfigError as error:
+            heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error))
+            event = None
+        if event is not None:
+            name = f"ordered {len(self.params.events) + 1}"
+            self.params = faults.with_fault(self.params, self.state.disturbances, event, name)
+            text = f"{event.kind} from {origin}"
+            heard += topics.EVENT.pack(tick, t_ns, topics.INFO, "command", text)
+        self._heard = heard
 
     def _drain(self) -> list[bytes]:
         """Real time: take what has come, before the send, so that no answer acts too early."""
@@ -246,6 +275,8 @@ class PlantLoop:
             data += self._packed_command(tick, t_ns, answer)
         if events:
             data += _packed_events(tick, t_ns, events)
+        if self._heard:
+            data, self._heard = data + self._heard, b""
         if (tick + 1) % self._snapshot_every == 0:
             text = snapshot.dumps(self.remember())
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)

@@ -68,7 +68,7 @@ def make_loop(
         params, state, events, link=connection.link, pacer=pacer or make_pacer(scenario),
         recorder=noting(recorder, connection.link), status=connection.status,
         status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
-        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
+        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1), commands=connection.commands,
     )  # fmt: skip
 
 

@@ -119,14 +119,14 @@ class ObserverConfig(Section):
     load_jump: size of a load step, as a share, that an innovation beyond the gate stands for
     """
 
-    drift_n_s_m: float = Field(default=0.3, ge=0.0, le=100.0)
+    drift_n_s_m: float = Field(default=1.0, ge=0.0, le=100.0)
     drift_m_s: float = Field(default=3.0e-4, ge=0.0, le=1.0)
-    slowest_m_s: float = Field(default=0.7, ge=0.0, le=5.0)
+    slowest_m_s: float = Field(default=0.4, ge=0.0, le=5.0)
     charge_spread: float = Field(default=0.01, gt=0.0, le=1.0)
     load_jump: float = Field(default=0.2, gt=0.0, le=1.0)
     gate: float = Field(default=4.0, gt=0.0, le=100.0)
-    step_min_m_s: float = Field(default=6.0e-3, ge=0.0, le=1.0)
-    noise_floor_m_s: float = Field(default=2.0e-3, gt=0.0, le=1.0)
+    step_min_m_s: float = Field(default=3.0e-3, ge=0.0, le=1.0)
+    noise_floor_m_s: float = Field(default=1.0e-3, gt=0.0, le=1.0)
     noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
 
 

@@ -162,6 +162,9 @@ class SensorFaultEvent(_Timed):
     duration_s: Annotated[float, Field(gt=0.0, le=1.0e6)]
 
 
+FAULT_KINDS = ("load-scale", "efficiency", "misfire", "sensor-fault")
+"""Kinds of the plant's events; ordered over the command key they are faults."""
+
 PlantEvent = Annotated[
     LoadScaleEvent | EfficiencyEvent | MisfireEvent | SensorFaultEvent,
     Field(discriminator="kind"),

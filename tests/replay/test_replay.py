@@ -159,8 +159,11 @@ def test_operator_commands_are_repeated_as_they_came(tmp_path, monkeypatch):
         {"kind": "stop"},
     ]
 
+    waiting = {}
+
     def poll(self):
-        return ("tester", json.dumps(given.pop(0)).encode()) if given else None
+        queue = waiting.setdefault(id(self), list(given))  # each process hears all of them
+        return ("tester", json.dumps(queue.pop(0)).encode()) if queue else None
 
     monkeypatch.setattr(MemoryCommands, "poll", poll)
     directory = make_run(tmp_path / "commanded")
