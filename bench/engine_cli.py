@@ -36,7 +36,7 @@ def table() -> None:
             ours, error = "stops", ""
         verdict = "ok" if row.reached else "out"
         shown.add_row(row.table, row.name, f"{row.thesis:g}", ours, error, allowed, verdict)
-    Console(highlight=False).print(shown)
+    Console(highlight=False, markup=False).print(shown)
     raise typer.Exit(0 if all(row.reached for row in rows) else 1)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from bench.engine import figures_at, starting_peaks
 from hil.config.detailed import Calibration, read
 from hil.errors import ConfigError, HilError
+from plant.detailed import layout as at
 from plant.detailed.engine import engine_of
 from plant.detailed.figures import Figures, figures, settled
 
@@ -58,11 +59,14 @@ def _nominal_tdc(c: Calibration) -> float:
 
 
 def _load(c: Calibration, scale: float) -> Figures:
+    """Change the load of the settled engine, fuel and ignition position left alone."""
     machine = c.machine.model_copy(
         update={"load_coefficient_n_s_m": c.machine.load_coefficient_n_s_m * scale}
     )
+    nominal = settled(engine_of(c))
     engine = engine_of(c.model_copy(update={"machine": machine}))
-    return figures(engine, settled(engine))
+    nominal.d[at.LOAD] = machine.load_coefficient_n_s_m
+    return figures(engine, settled(engine, motion=nominal))
 
 
 def _motor_force(c: Calibration, scale: float) -> Figures:
@@ -74,8 +78,8 @@ def _motor_force(c: Calibration, scale: float) -> Figures:
 
 SWEEPS = {
     "throttle": Sweep("of wide open", (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), _throttle),
-    "ignition": Sweep("degrees before TDC", (6.0, 8.0, 10.0, 12.0, 14.0, 16.0), _ignition),
-    "load": Sweep("of nominal", (0.90, 0.94, 0.97, 1.0, 1.02, 1.03), _load),
+    "ignition": Sweep("degrees before TDC", (15.0, 16.0, 18.0, 20.0, 22.0, 24.0), _ignition),
+    "load": Sweep("of nominal", (0.90, 0.95, 0.97, 1.0, 1.01, 1.02, 1.03, 1.05), _load),
     "motor-force": Sweep("of nominal", (0.95, 0.97, 1.0, 1.03, 1.05, 1.10), _motor_force),
 }
 

@@ -34,23 +34,19 @@ class Mover(Section):
     mass_kg: float = Field(gt=0.01, le=1000.0)
     contact_gap_m: Metres
     restitution: float = Field(ge=0.0, le=0.95)
-    spring_n_m: float = Field(default=0.0, ge=0.0, le=1e7)
-    spring_rest_m: Position = 0.0
 
 
 class Side(Section):
-    """One end of the engine: a combustion cylinder, a gas spring, or nothing.
+    """One cylinder.
 
     fill_pa, fill_k: the gas enclosed at x = 0 at the start of a run
-    walls: share of the surfaces that take up heat; ends: how many of crown and head there are
+    walls: share of the surfaces that take up heat; 0 for an adiabatic gas
     """
 
-    kind: Literal["cylinder", "gas-spring"] = "cylinder"
     bore_m: Metres
     length_m: Metres
     wall_k: Kelvin
     walls: float = Field(default=1.0, ge=0.0, le=1.0)
-    ends: int = Field(default=2, ge=1, le=2)
     leak_m2: SquareMetres
     fill_pa: Pascal
     fill_k: Kelvin
@@ -130,7 +126,6 @@ class Cycle(Section):
     """
 
     kind: Literal["two-stroke", "four-stroke", "motoring"]
-    firing: Literal["both", "left"] = "both"
     ignition_from_head_m: Metres
     ignition_least_pa: Pascal = 4.0e5
     exhaust_opens_m: Metres | None = None

@@ -61,18 +61,10 @@ def _compression(c: Calibration, cylinder: int, spark: bool) -> list[Entry]:
     return entries
 
 
-def _breathes(c: Calibration, cylinder: int) -> bool:
-    return (c.left, c.right)[cylinder].kind == "cylinder"
-
-
 def _two_stroke(c: Calibration, self_timed: bool) -> list[list[Entry]]:
     rows: list[list[Entry]] = []
     for opening, closing in ((_LEFT, _RIGHT), (_RIGHT, _LEFT)):
-        row = _expansion(c, opening) if _breathes(c, opening) else []
-        fires = self_timed and (c.cycle.firing == "both" or closing == _LEFT)
-        if _breathes(c, closing):
-            row += _compression(c, closing, fires)
-        rows.append(row)
+        rows.append(_expansion(c, opening) + _compression(c, closing, self_timed))
     return rows
 
 

@@ -79,7 +79,6 @@ def _subsonic(gamma: float, z: float) -> tuple[float, float]:
 def _mechanics(c: Calibration, p: Array) -> None:
     p[at.MASS] = c.mover.mass_kg
     p[at.CONTACT_GAP], p[at.RESTITUTION] = c.mover.contact_gap_m, c.mover.restitution
-    p[at.SPRING], p[at.SPRING_X] = c.mover.spring_n_m, c.mover.spring_rest_m
     friction = c.friction
     warmth = (friction.oil_c - friction.oil_reference_c) / friction.oil_reference_c
     size = c.left.bore_m / friction.bore_reference_m
@@ -106,7 +105,7 @@ def _side(c: Calibration, side: Side, p: Array, number: int, throttle: float) ->
     area = math.pi * side.bore_m**2 / 4.0
     p[b + at.SIGN] = 1.0 - 2.0 * number
     p[b + at.AREA], p[b + at.LENGTH] = area, side.length_m
-    p[b + at.END_AREA], p[b + at.PERIMETER] = side.ends * area, math.pi * side.bore_m
+    p[b + at.END_AREA], p[b + at.PERIMETER] = 2.0 * area, math.pi * side.bore_m
     p[b + at.T_WALL], p[b + at.WALL] = side.wall_k, side.walls
     p[b + at.CDA_LEAK] = side.leak_m2
     air = c.breathing

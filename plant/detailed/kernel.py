@@ -167,7 +167,6 @@ def rates(p: Array, d: Array, y: Array, out: Array, t: float) -> None:
     if p[at.PUMP] != 0.0:
         force -= p[at.CASE_AREA] * (pump(p, d, y, out, 0) - pump(p, d, y, out, 1))
     force += p[at.P_AMBIENT] * (p[at.CYL_P + at.CYL_P_STRIDE + at.AREA] - p[at.CYL_P + at.AREA])
-    force -= p[at.SPRING] * (y[at.X] - p[at.SPRING_X])
     force += machine_force(p, d, y, out)
     v, direction = y[at.V], d[at.DIRECTION]
     friction = p[at.F_MACHINE]

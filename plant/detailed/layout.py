@@ -87,14 +87,12 @@ NEVER: Final = 1.0e30
     INDUCTANCE,
     INV_CAPACITANCE,
     POLE_PITCH,  # 0: thrust constant everywhere; else K cos(pi x / tau) (3.50, 3.51)
-    SPRING,  # mechanical spring [N/m], at rest at SPRING_X
-    SPRING_X,
     CONTACT_GAP,
     RESTITUTION,
     PEAK_FORCE,
     BURNT_S,  # after this, exp(-60) of the charge is left
-) = range(36)
-CYL_P, CYL_P_STRIDE = 36, 14
+) = range(34)
+CYL_P, CYL_P_STRIDE = 34, 14
 (
     SIGN,  # gap = LENGTH + SIGN x
     AREA,
@@ -109,7 +107,7 @@ CYL_P, CYL_P_STRIDE = 36, 14
     T_IN,
     P_EX,
     T_EX,
-    WALL,  # share of the wall that takes up heat; 0 for an adiabatic gas spring
+    WALL,  # share of the wall that takes up heat; 0 for an adiabatic gas
 ) = range(14)
 N_P: Final = CYL_P + 2 * CYL_P_STRIDE
 

@@ -43,11 +43,15 @@ def rk4(p: Array, d: Array, y: Array, work: Array, t: float, h: float) -> None:
 
 @compiled
 def stable_step(p: Array, d: Array, y: Array, h: float) -> float:
-    """The longest step that follows pressures through an open valve.
+    """The longest step that follows pressures through an open valve, and the machine's circuit.
 
     lambda = gamma C_d A sqrt(R T) f'(0) / V, the rate at which a small difference dies out.
     """
     fastest = 0.0
+    load = d[at.LOAD] * d[at.LOAD_SCALE]
+    if p[at.CIRCUIT] != 0.0 and load > 0.0:
+        fastest = p[at.K_FORCE] * p[at.K_EMF] / load / p[at.INDUCTANCE]
+        fastest = max(fastest, math.sqrt(p[at.INV_CAPACITANCE] / p[at.INDUCTANCE]))
     for c in range(2):
         e, b = at.CYL + c * at.CYL_STRIDE, at.CYL_P + c * at.CYL_P_STRIDE
         cda = d[e + at.INTAKE] * p[b + at.CDA_IN] + d[e + at.EXHAUST] * p[b + at.CDA_EX]

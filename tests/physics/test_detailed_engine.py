@@ -5,10 +5,11 @@ import pytest
 
 pytest.importorskip("numba")
 
-from hil.config.detailed import read
+from hil.config.detailed import Circuit, read
 from plant.detailed import layout as at
 from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.detailed.figures import cycle_rows, figures, settled
+from plant.detailed.kernel import machine_force
 
 FIRED = ("nu-two-stroke", "nu-four-stroke", "bit-running")
 
@@ -136,3 +137,30 @@ def test_resting_piston_is_moved_by_more_than_its_friction():
         motion.d[at.FORCE] = force
         run_for(engine, motion, 0.05)
         assert bool(motion.y[at.X] > 1e-4) is moves
+
+
+def test_circuit_of_small_inductance_is_the_load_constant():
+    """Eqs. 3.54 and 3.56: with L/R far below a stroke, F = -K_A K_e / (R_S + R_L) v."""
+    c = read("nu-two-stroke")
+    circuit = Circuit(thrust_n_a=74.4, emf_v_s_m=74.4, inductance_h=1e-4)
+    machine = c.machine.model_copy(update={"circuit": circuit})
+    rows = []
+    for calibration in (c, c.model_copy(update={"machine": machine})):
+        engine = engine_of(calibration)
+        rows.append(strokes(run_for(engine, running(engine), 0.2)))
+    assert rows[1][:6, at.REC_X] == pytest.approx(rows[0][:6, at.REC_X], rel=5e-3)
+
+
+def test_single_coil_has_no_force_between_its_poles():
+    """Eqs. 3.50 and 3.51: the force goes with cos(pi x / tau)."""
+    c = read("nu-two-stroke")
+    circuit = Circuit(thrust_n_a=74.4, emf_v_s_m=74.4, inductance_h=1e-3, pole_pitch_m=0.02)
+    machine = c.machine.model_copy(update={"circuit": circuit})
+    engine = engine_of(c.model_copy(update={"machine": machine}))
+    forces = []
+    for x in (0.0, 0.005, 0.01):
+        motion = running(engine)
+        motion.y[at.X], motion.y[at.V], motion.y[at.CURRENT] = x, 1.0, 10.0
+        out = np.zeros(at.N_Y)
+        forces.append(machine_force(engine.p, motion.d, motion.y, out))
+    assert forces == pytest.approx([-744.0, -744.0 / 2**0.5, 0.0], abs=1e-9)

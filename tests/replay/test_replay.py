@@ -4,6 +4,7 @@ import json
 import math
 
 import pytest
+from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
 from bench import replay_differences
@@ -16,7 +17,6 @@ from hil.errors import ConfigError, LogError
 from hil.log import Span
 from hil.records import Layout
 from plant import linear
-from runs import each_record, make_run, records_of, rewrite
 
 ALWAYS = Span()
 PROCESSES = ("plant", "controller")
