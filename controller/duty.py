@@ -19,6 +19,8 @@ from hil.errors import ConfigError
 from hil.ports import CommandSource
 
 RUNNING = (Mode.MOTORING, Mode.GENERATING)
+RESUME_TRIES = 20
+"""One at each look after the loop: for a second, at twenty looks a second."""
 
 
 class Heart(Protocol):
@@ -47,22 +49,18 @@ class Caretaker(Protocol):
 
 
 class DutyCommands:
-    """A command source that speaks first for the predecessor, then passes another one on."""
+    """A command source that speaks for the service itself first, then passes another one on."""
 
-    def __init__(self, source: CommandSource, kept: Mapping[str, Any]) -> None:
+    def __init__(self, source: CommandSource) -> None:
         self.target_power_w: float | None = None
+        self.stopped = False
         self._source = source
         self._waiting: deque[tuple[str, bytes]] = deque()
-        if kept.get("running") is True:
-            self._resume(kept)
 
-    def _resume(self, kept: Mapping[str, Any]) -> None:
-        """Ask for what was in force when the predecessor ended."""
-        names = ("tdc_ref_m", "target_power_w")
-        set_point = {name: kept[name] for name in names if kept.get(name) is not None}
-        if set_point:
-            self.submit("resume", json.dumps({"kind": "set-point", **set_point}).encode())
-        self.submit("resume", b'{"kind": "start"}')
+    @property
+    def idle(self) -> bool:
+        """Whether everything that the service submitted was taken."""
+        return not self._waiting
 
     def submit(self, origin: str, raw: bytes) -> None:
         """Hand over a command of the service's own."""
@@ -76,20 +74,47 @@ class DutyCommands:
         return received
 
     def _note(self, origin: str, raw: bytes) -> None:
-        """Remember a target power, which the set points in force no longer tell."""
+        """Remember a stop, and a target power, which the set points in force no longer tell."""
         try:
-            command = parse(raw, origin)
+            command: OperatorCommand = parse(raw, origin)
         except ConfigError:
             return  # the loop refuses it and says so
-        if command is not None and command.target_power_w is not None:
+        self.stopped = self.stopped or command.kind == "stop"
+        if command.target_power_w is not None:
             self.target_power_w = command.target_power_w
+
+
+class Resumption:
+    """Asks for what the predecessor was doing, until the engine does it.
+
+    A process that has just begun misses ticks, and the mode table starts nothing on stale samples:
+    so it asks only while samples are fresh, again a few times, and not after an operator's stop.
+    """
+
+    def __init__(self, kept: Mapping[str, Any]) -> None:
+        self.tries_left = RESUME_TRIES if kept.get("running") is True else 0
+        names = ("tdc_ref_m", "target_power_w")
+        self._set_point = {name: kept[name] for name in names if kept.get(name) is not None}
+
+    def attend(self, loop: ControllerLoop, commands: DutyCommands) -> None:
+        """Ask, if it is still to be asked and can be answered."""
+        if loop.state.mode in RUNNING or commands.stopped:
+            self.tries_left = 0
+        if not self.tries_left or loop.state.stale or not commands.idle:
+            return
+        if self.tries_left == RESUME_TRIES and self._set_point:
+            text = json.dumps({"kind": "set-point", **self._set_point})
+            commands.submit("resume", text.encode())
+        self.tries_left -= 1
+        commands.submit("resume", b'{"kind": "start"}')
 
 
 class Duty:
     """Looks after one loop between its ticks."""
 
     def __init__(self, heart: Heart, caretaker: Caretaker, source: CommandSource) -> None:
-        self.commands = DutyCommands(source, caretaker.kept())
+        self.commands = DutyCommands(source)
+        self._resumption = Resumption(caretaker.kept())
         self._heart = heart
         self._caretaker = caretaker
 
@@ -105,8 +130,9 @@ class Duty:
     def attend(self, loop: ControllerLoop) -> None:
         """Feed the watchdog, keep the duty, take new set points."""
         state = loop.state
+        self._resumption.attend(loop, self.commands)
         facts = {
-            "running": state.mode in RUNNING,
+            "running": state.mode in RUNNING or self._resumption.tries_left > 0,
             "tdc_ref_m": state.set_points.tdc_ref_m,
             "target_power_w": self.commands.target_power_w,
         }

@@ -35,6 +35,7 @@ from plant.state import Command, DeadCentre, PlantState
 _RECORD_ROWS = 8
 _SECOND_NS = 1e9
 _FIRST_STROKE_S = 0.02
+_WARM_NS = 1e3
 
 
 def build(config: PlantConfig) -> DetailedPlant:
@@ -53,6 +54,8 @@ class DetailedPlant:
         self.engine = engine
         self._work = scratch()
         self._record = np.zeros((_RECORD_ROWS, at.N_REC))
+        y, d, _ = at_rest(engine)
+        self._move(y, d, _WARM_NS)  # compiled, or loaded from the cache, before the first tick
 
     def initial(
         self, p: PlantParams, rest: PlantState, fuel_kg: float | None, load_n_s_m: float | None

@@ -11,11 +11,14 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 import hil.log
-from controller.duty import DutyCommands
+from controller.duty import RESUME_TRIES, DutyCommands, Resumption
+from controller.start_restart import Mode
 from drivers.channels import MemoryCommands
 from drivers.keepsake import SIZE, Keepsake
 from drivers.recorder import Recorder, wait_finished
@@ -119,26 +122,67 @@ def test_what_was_cut_in_two_is_nothing(tmp_path: Path, content: bytes) -> None:
     assert Keepsake(path).read() == {}
 
 
+def loop_in(mode: Mode, stale: int = 0) -> Any:
+    return SimpleNamespace(state=SimpleNamespace(mode=mode, stale=stale))
+
+
+def all_of(commands: DutyCommands) -> list[tuple[str, bytes]]:
+    return list(iter(commands.poll, None))
+
+
 def test_a_predecessor_that_ran_the_engine_speaks_first() -> None:
     others = MemoryCommands()
-    others.submit("operator", {"kind": "stop"})
-    commands = DutyCommands(others, {"running": True, "tdc_ref_m": 0.0152, "target_power_w": None})
-    received = [commands.poll() for _ in range(4)]
-    assert received == [
+    commands = DutyCommands(others)
+    others.submit("operator", {"kind": "start"})
+    resumption = Resumption({"running": True, "tdc_ref_m": 0.0152, "target_power_w": None})
+    resumption.attend(loop_in(Mode.OFF), commands)
+    assert all_of(commands) == [
         ("resume", b'{"kind": "set-point", "tdc_ref_m": 0.0152}'),
         ("resume", b'{"kind": "start"}'),
-        ("operator", b'{"kind": "stop"}'),
-        None,
+        ("operator", b'{"kind": "start"}'),
     ]
 
 
-def test_a_predecessor_that_had_stopped_says_nothing() -> None:
-    assert DutyCommands(MemoryCommands(), {"running": False, "tdc_ref_m": 0.0152}).poll() is None
+def test_a_start_is_asked_for_only_on_fresh_samples_and_until_it_is_obeyed() -> None:
+    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
+    resumption.attend(loop_in(Mode.OFF, stale=3), commands)
+    assert commands.idle
+    for _ in range(2):
+        resumption.attend(loop_in(Mode.OFF), commands)
+        assert all_of(commands) == [("resume", b'{"kind": "start"}')]
+    resumption.attend(loop_in(Mode.MOTORING), commands)
+    resumption.attend(loop_in(Mode.SAFE), commands)
+    assert commands.idle
+
+
+def test_a_start_is_not_asked_for_for_ever() -> None:
+    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
+    asked = 0
+    for _ in range(100):
+        resumption.attend(loop_in(Mode.OFF), commands)
+        asked += len(all_of(commands))
+    assert asked == RESUME_TRIES
+
+
+def test_an_operators_stop_ends_the_resumption() -> None:
+    others = MemoryCommands()
+    commands, resumption = DutyCommands(others), Resumption({"running": True})
+    others.submit("operator", {"kind": "stop"})
+    commands.poll()
+    resumption.attend(loop_in(Mode.OFF), commands)
+    assert commands.idle
+
+
+@pytest.mark.parametrize("kept", [{}, {"running": False, "tdc_ref_m": 0.0152}, {"running": "yes"}])
+def test_a_predecessor_that_had_stopped_says_nothing(kept: dict[str, Any]) -> None:
+    commands = DutyCommands(MemoryCommands())
+    Resumption(kept).attend(loop_in(Mode.OFF), commands)
+    assert commands.idle
 
 
 def test_a_target_power_is_remembered_only_when_it_is_accepted() -> None:
     source = MemoryCommands()
-    commands = DutyCommands(source, {})
+    commands = DutyCommands(source)
     source.submit("operator", {"kind": "set-point", "target_power_w": -1})
     commands.poll()
     assert commands.target_power_w is None

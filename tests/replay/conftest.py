@@ -1,7 +1,6 @@
 """One recorded run for all tests of a process."""
 
 import pytest
-
 from runs import make_run
 
 

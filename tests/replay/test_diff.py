@@ -1,12 +1,12 @@
 """Two logs side by side: the first divergence, its side of the wire, and how far it goes."""
 
 import pytest
+from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
 from bench.diff import compare
 from bench.log_commands import diff as diff_command
 from hil import topics
-from runs import each_record, make_run, records_of, rewrite
 
 
 @pytest.fixture(scope="module")
