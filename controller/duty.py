@@ -76,9 +76,11 @@ class DutyCommands:
     def _note(self, origin: str, raw: bytes) -> None:
         """Remember a stop, and a target power, which the set points in force no longer tell."""
         try:
-            command: OperatorCommand = parse(raw, origin)
+            command = parse(raw, origin)
         except ConfigError:
             return  # the loop refuses it and says so
+        if command is None:
+            return  # a fault, which is the plant's
         self.stopped = self.stopped or command.kind == "stop"
         if command.target_power_w is not None:
             self.target_power_w = command.target_power_w
