@@ -5,7 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bench.figures import RunData
 from hil.config.plant import (
@@ -83,12 +87,39 @@ def canvas(width: float, height: float, rows: int = 1, **layout: Any) -> tuple[F
     return figure, [row[0] for row in grid]
 
 
+_MOST_POINTS = 8_000
+_DPI = 144  # of those images
+
+
 def svg(figure: Figure, *, transparent: bool = True) -> str:
     """Return the figure as an SVG element, the same for the same figure."""
+    _flatten_long(figure)
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=transparent)
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=transparent, dpi=_DPI)
     text = buffer.getvalue()
     return text[text.index("<svg") :]
+
+
+def _flatten_long(figure: Figure) -> None:
+    """Thin out what has more points than a drawing can show; areas become images."""
+    for axes in figure.axes:
+        for line in axes.lines:
+            x, y = (np.asarray(values) for values in line.get_data(orig=True))
+            if len(x) > _MOST_POINTS:
+                kept = extremes(y, _MOST_POINTS // 2)
+                line.set_data(x[kept], y[kept])
+        for collection in axes.collections:
+            corners = [np.shape(path.vertices)[0] for path in collection.get_paths()]
+            points = max(np.shape(collection.get_offsets())[0], sum(corners))
+            collection.set_rasterized(points > _MOST_POINTS)
+
+
+def extremes(values: NDArray[np.float64], bins: int) -> NDArray[np.intp]:
+    """Return where the least and the greatest value of each of so many stretches lie."""
+    edges = np.linspace(0, len(values), bins + 1).astype(np.intp)
+    least = [a + int(np.argmin(values[a:b])) for a, b in pairwise(edges.tolist()) if b > a]
+    most = [a + int(np.argmax(values[a:b])) for a, b in pairwise(edges.tolist()) if b > a]
+    return np.unique(np.array([*least, *most], dtype=np.intp))
 
 
 def describe_event(name: str, event: Event) -> str:

@@ -20,6 +20,13 @@ _PR_SET_TIMERSLACK: Final = 29
 _MCL_CURRENT_AND_FUTURE: Final = 1 | 2
 NOT_ASKED: Final = "not asked for"
 
+_M_TRIM_THRESHOLD, _M_MMAP_MAX, _INT_MAX = -1, -4, 2**31 - 1
+_BUFFER_BYTES: Final = 4 << 20
+_OBJECT_BYTES: Final = 450  # with its header still one of the small objects that live in arenas
+_OBJECTS: Final = 20_000
+_HELD_EVERY: Final = 250
+_HELD: Final[list[bytes]] = []
+
 
 def prepare(config: RealtimeConfig) -> dict[str, str]:
     """Ask for memory, scheduling and timers; return what was granted or refused.
@@ -32,6 +39,7 @@ def prepare(config: RealtimeConfig) -> dict[str, str]:
         "garbage_collection": _told(_stop_collecting),
         "timer_slack": _told(_cut_timer_slack),
         "locked_memory": _told(_lock_memory) if config.lock_memory else NOT_ASKED,
+        "reserved_memory": _told(_reserve_memory) if config.lock_memory else NOT_ASKED,
         "scheduling": _told(partial(_schedule, config.priority)) if config.priority else NOT_ASKED,
     }
 
@@ -87,6 +95,22 @@ def _lock_memory() -> str:
     return "current and future pages"
 
 
+def _reserve_memory() -> str:
+    """Have room for objects and buffers at hand, and never give it back.
+
+    Python returns an arena (1 MiB) to the kernel when its last object goes, and asks for one again
+    with the next: hundreds of page faults in one tick, each time.
+    """
+    libc = _libc()
+    if not (libc.mallopt(_M_MMAP_MAX, 0) and libc.mallopt(_M_TRIM_THRESHOLD, _INT_MAX)):
+        raise ValueError("mallopt")
+    buffer = bytearray(_BUFFER_BYTES)
+    del buffer
+    objects = [bytes(_OBJECT_BYTES) for _ in range(_OBJECTS)]
+    _HELD.extend(objects[::_HELD_EVERY])  # one in an arena keeps all of it
+    return f"{(_BUFFER_BYTES + _OBJECTS * _OBJECT_BYTES) >> 20} MiB"
+
+
 def _pin(cpu: int) -> str:
     """Let this thread run on one CPU only."""
     os.sched_setaffinity(0, {cpu})
@@ -110,6 +134,6 @@ def in_force() -> str:
 
 
 def page_faults() -> tuple[int, int]:
-    """Return (minor, major) page faults of this process so far; rising ones disturb a loop."""
-    usage = resource.getrusage(resource.RUSAGE_SELF)
+    """Return (minor, major) page faults of this thread so far; rising ones disturb its loop."""
+    usage = resource.getrusage(resource.RUSAGE_THREAD)
     return usage.ru_minflt, usage.ru_majflt

@@ -23,6 +23,27 @@ class Gains(Section):
     ki: float = Field(ge=-1e3, le=1e3)
 
 
+class OuterGains(Gains):
+    """TDC error [m] to velocity reference [m/s]."""
+
+    kp: float = Field(default=39.0, ge=-1e3, le=1e3)
+    ki: float = Field(default=52.0, ge=-1e3, le=1e3)
+
+
+class InnerGains(Gains):
+    """Velocity error [m/s] to fuel [kg]."""
+
+    kp: float = Field(default=3.12e-6, ge=-1e3, le=1e3)
+    ki: float = Field(default=2.06e-6, ge=-1e3, le=1e3)
+
+
+class TdcGains(Gains):
+    """TDC error [m] to fuel [kg]."""
+
+    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3)
+    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3)
+
+
 class CascadeConfig(Section):
     """Outer loop on the previous stroke's TDC, inner loop on this stroke's mid-stroke velocity.
 
@@ -31,15 +52,15 @@ class CascadeConfig(Section):
     Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
     """
 
-    outer: Gains = Gains(kp=39.0, ki=52.0)
-    inner: Gains = Gains(kp=3.12e-6, ki=2.06e-6)
+    outer: OuterGains = OuterGains()
+    inner: InnerGains = InnerGains()
     v_correction_max_m_s: float = Field(default=1.0, gt=0.0, le=5.0)
 
 
 class SingleLoopConfig(Section):
     """One PI from TDC error to fuel, with the delay of the thesis's Table 6.2 (kg per m)."""
 
-    tdc: Gains = Gains(kp=1.8105e-4, ki=1.016e-4)
+    tdc: TdcGains = TdcGains()
 
 
 class OpenLoopConfig(Section):

@@ -90,6 +90,12 @@ def test_table_4_3_is_reached(runs, name, speed, rest):
     assert f.compression_ratio == pytest.approx(ratio, rel=rest)
 
 
+def test_part_load_of_the_beijing_engine_is_reached():
+    from bench.engine import table_2
+
+    assert [row for row in table_2() if not row.reached] == []
+
+
 def test_starting_takes_the_thesis_number_of_cycles():
     from bench.engine import starting
 

@@ -95,9 +95,8 @@ def test_a_logger_and_a_monitor_join_while_it_runs(tmp_path, environment):
 @pytest.mark.parametrize("victim", ["plant", "controller"])
 def test_a_killed_process_is_noticed_and_the_other_ends_safely(tmp_path, environment, victim):
     run = start(
-        environment, "run", "steady", "--link", "can", "--bus", "zenoh:can0", "--clock", "realtime",
-        "--no-report", "--out", str(tmp_path), "--set", "run.duration_s=30",
-        "--set", "realtime.priority=0",
+        environment, "run", "steady", "--link", "can", "--bus", "zenoh:can0", "--clock", "lockstep",
+        "--no-report", "--out", str(tmp_path), "--set", "run.duration_s=600",
     )  # fmt: skip
     wait_for_nodes(environment, 2)
     time.sleep(1.0)

@@ -137,3 +137,15 @@ def test_what_is_no_size_is_refused(text):
 
 def test_sizes_are_told_in_a_unit_that_suits_them():
     assert [bytes_text(n) for n in (12, 2048, 3 << 20)] == ["12 bytes", "2.0 KiB", "3.0 MiB"]
+
+
+def test_a_long_curve_keeps_its_extremes_when_it_is_thinned():
+    pytest.importorskip("matplotlib")
+    from bench.plot_style import extremes
+
+    values = np.sin(np.arange(100_000) / 700.0)
+    values[33_333], values[77_777] = 5.0, -5.0
+    kept = extremes(values, 1000)
+    assert len(kept) <= 2000
+    assert (np.diff(kept) > 0).all()
+    assert {33_333, 77_777} <= set(kept.tolist())
