@@ -111,13 +111,19 @@ def test_a_killed_process_is_noticed_and_the_other_ends_safely(tmp_path, environ
 
 
 def pid_of(parent, module):
-    children = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(parent)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return next(int(row.split()[0]) for row in children.stdout.splitlines() if module in row)
+    """The child that runs a module; it may take a while to be there."""
+    for _ in range(200):
+        children = subprocess.run(
+            ["ps", "-o", "pid=,args=", "--ppid", str(parent)],
+            capture_output=True,
+            text=True,
+            check=False,  # ps ends with 1 while there is no child
+        )
+        for row in children.stdout.splitlines():
+            if module in row:
+                return int(row.split()[0])
+        time.sleep(0.1)
+    pytest.fail(f"{module} was never started")
 
 
 def test_frames_that_take_their_time_still_close_the_loop(tmp_path, environment):
