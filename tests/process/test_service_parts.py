@@ -267,3 +267,27 @@ def test_a_log_directory_that_is_none_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot be written"):
         Recorder.open(log_file(tmp_path / "none", "plant"), {}, blocking=True)
     assert time.monotonic() - begin_s < 10.0
+
+
+CHURN = """
+import sys
+from hil import realtime
+if sys.argv[1] == "reserved":
+    realtime._reserve_memory()
+before = sum(realtime.page_faults())
+for _ in range(20):
+    objects = [bytes(450) for _ in range(5000)]
+    buffer = bytearray(1 << 20)
+    del objects, buffer
+print(sum(realtime.page_faults()) - before)
+"""
+
+
+def test_reserved_memory_is_not_faulted_in_again() -> None:
+    def faults(how: str) -> int:
+        done = subprocess.run(
+            [sys.executable, "-c", CHURN, how], capture_output=True, text=True, check=True
+        )
+        return int(done.stdout)
+
+    assert faults("reserved") < 100 < faults("as it is")
