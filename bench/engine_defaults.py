@@ -16,6 +16,12 @@ _FOUR_STROKE = (True, False, False, True)
 _SLOPE_STEP = 0.005
 _LOW_BEFORE_SPARK_S = 0.2e-3
 
+_FOUR_STROKE_LEAD_TICKS = 1
+"""From mid-stroke to spark it is 4 ms in a power stroke: injection has to begin at once."""
+
+_FOUR_STROKE_SPARK_AHEAD_S = 2.5e-3
+"""Planned earlier, the spark would keep the error of a prediction from far away."""
+
 
 def is_detailed(scenario: Scenario) -> bool:
     """Tell whether the plant is one of the compiled engines."""
@@ -87,8 +93,14 @@ def _fill_four_stroke(scenario: Scenario, control: dict[str, Any]) -> None:
     if scenario.begins != "settled":
         raise ConfigError(f"{scenario.name}: begins: model four-stroke begins settled alone")
     control["name"] = "open-loop"
-    if "fires" not in scenario.controller.timing.model_fields_set:
-        control["timing"]["fires"] = _FOUR_STROKE
+    given = scenario.controller.timing.model_fields_set
+    for key, value in (
+        ("fires", _FOUR_STROKE),
+        ("injection_lead_ticks", _FOUR_STROKE_LEAD_TICKS),
+        ("spark_ahead_s", _FOUR_STROKE_SPARK_AHEAD_S),
+    ):
+        if key not in given:
+            control["timing"][key] = value
 
 
 def _with_prototype(scenario: Scenario, tree: dict[str, Any]) -> PlantConfig:

@@ -30,6 +30,7 @@ STEPS_S = (4.0e-4, 2.0e-4, 1.0e-4, 5.0e-5, 2.0e-5, 1.0e-5)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 STROKES = 8
 _REFERENCE_STEP_S = 5.0e-4
+_NEAR_M = 1.0e-12
 _SCALE = {at.X: 1e-2, at.V: 1.0, at.U: 10.0, at.U + 2: 10.0, at.M: 1e-5, at.M + 2: 1e-5}
 
 
@@ -90,6 +91,9 @@ def adaptive(
     while d[at.ROWS] < STROKES:
         _peaks(d, y, (y[:0], y[:0]), engine)
         events = _events(engine, d, f)
+        if events[1](d[at.T], y) >= -_NEAR_M:  # a second entry at the position just reached
+            happen(p, d, y, engine.programme, record, work, at.AT_POSITION)
+            continue
         span = (d[at.T], d[at.T] + 0.1)
         options = {"method": method, "rtol": rtol, "atol": atol, "max_step": max_step_s}
         try:

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("numba")
-
 from hil.config.detailed import Circuit, read
 from plant.detailed import layout as at
 from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
@@ -116,12 +114,12 @@ def test_step_is_exact_to_micrometres():
 
 
 @pytest.mark.slow
-def test_fixed_step_agrees_with_a_tight_reference():
-    pytest.importorskip("scipy")
+@pytest.mark.parametrize("name", FIRED)
+def test_fixed_step_agrees_with_a_tight_reference(name):
     from bench.engine_precision import adaptive, compare, fixed, start
 
-    engine, motion = start("nu-two-stroke")
-    reference, _ = adaptive(engine, motion, "DOP853", 1e-11)
+    engine, motion = start(name)
+    reference, _ = adaptive(engine, motion, "DOP853", 1e-11, 5e-4)
     rows, _ = fixed(engine, motion, engine.p[at.STEP_S])
     tdc_error_m, peak_error = compare(rows, reference)
     assert tdc_error_m < 2e-6

@@ -7,8 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-pytest.importorskip("numba")
-
 from hil.config.detailed import names, read
 from hil.errors import ConfigError
 from plant.detailed import layout as at

@@ -2,8 +2,6 @@
 
 import pytest
 
-pytest.importorskip("numba")
-
 from bench.resolve import resolve
 from controller.estimate import Motion
 from controller.ignition import predict
