@@ -10,9 +10,10 @@ others come.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
+from drivers.can_frames import HeadPlace, Received
 from hil.codec import pack_frame
 from hil.e2e import MAX_DELTA, counter_marks, is_intact
 from hil.messages import ControllerTick, PlantTick
@@ -22,6 +23,7 @@ HEADS: Final = {"plant": PlantTick, "controller": ControllerTick}
 MAX_FRAMES: Final = 16
 """Frames of one batch; a sender that babbles fills several."""
 
+_COUNTER: Final = 0xF00
 _TICKS: Final = 1 << 32
 _OLD: Final = _TICKS // 2
 _RESTARTED_NS: Final = 1_000_000_000
@@ -33,6 +35,11 @@ def _place(name: str, layout_name: str) -> tuple[int, int]:
     layout = layout_of(HEADS[layout_name])
     placed = next(p for p in layout.fields if p.name == name)
     return placed.start_bit, (1 << placed.signal.bits) - 1
+
+
+def head_place(sender: str) -> HeadPlace:
+    """Return where a sender's head tells how many frames its tick has."""
+    return HeadPlace(layout_of(HEADS[sender]).can_id, *_place("frame_count", sender))
 
 
 class Assembler:
@@ -68,6 +75,35 @@ class Assembler:
         self._tick = -1  # of the newest head
         self._counter = self._before = -1  # of the tick in progress, and of the one before
         self._newest_ns = 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether no frame waits here, and no batch."""
+        return not (self._frames or self._ready)
+
+    def whole(self, frames: Sequence[Received], now_ns: int) -> bytes | None:
+        """Return the batch of frames that are the next tick, all of it, head first; else None.
+
+        The common case in short: what it lets through, `push` would put into the same batch.
+        """
+        can_id, head, _ = frames[0]
+        if can_id != self._head_id or self._frames or self._ready:
+            return None
+        tick, counter = head >> self._tick_at & (_TICKS - 1), head & _COUNTER
+        if tick != self._tick + 1 or len(frames) != head >> self._count_at & self._count_mask:
+            return None
+        packed: list[bytes] = []
+        for can_id, word, _ in frames:
+            frame = pack_frame(can_id, word)
+            if can_id in self._once:
+                fits = word & _COUNTER == counter
+            else:
+                fits = can_id in self._marks and frame not in self._last
+            if not fits or frame in packed:
+                return None
+            packed.append(frame)
+        self._tick, self._before, self._newest_ns, self._last = tick, counter >> 8, now_ns, packed
+        return b"".join(packed)
 
     def push(self, can_id: int, word: int, now_ns: int) -> None:
         """Take one frame of the sender; frames of others are passed over."""

@@ -30,6 +30,14 @@ class Wanted(NamedTuple):
     remote: int
 
 
+class HeadPlace(NamedTuple):
+    """The frame that opens a tick, and where it tells how many frames the tick has."""
+
+    can_id: int
+    shift: int
+    mask: int
+
+
 class FramePort(Protocol):
     """A node of a bus, as the link uses it."""
 
@@ -47,7 +55,7 @@ class FramePort(Protocol):
         """Send a remote frame."""
 
     def receive(self) -> list[Received]:
-        """Return all frames that have come, oldest first."""
+        """Return frames that have come, oldest first: all of them, or to the end of a tick."""
 
     def settle(self) -> None:
         """Return when nodes that joined by now are reached; only before the loop runs."""

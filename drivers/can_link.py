@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, Protocol
 
 from drivers.blocking import Blocking
-from drivers.can_assembly import HEADS, Assembler
-from drivers.can_frames import FramePort, Notice, Wanted, ZenohFrames
+from drivers.can_assembly import HEADS, Assembler, head_place
+from drivers.can_frames import FramePort, Notice, Received, Wanted, ZenohFrames
 from drivers.can_records import REMOTE
 from drivers.can_socket import SocketFrames, open_socket
 from drivers.can_transmitter import Medium
@@ -52,7 +52,8 @@ def open_port(side: Role, config: LinkConfig, *, lockstep: bool) -> FramePort:
         patience_us = _LOCKSTEP_PATIENCE_US if lockstep else 0
         return ZenohFrames(channel, wanted, timed if config.wire_timing else None, patience_us)
     if interface == "socketcan":
-        return SocketFrames(open_socket(channel, wanted), channel, time.sleep)
+        head = head_place(PEER[side])
+        return SocketFrames(open_socket(channel, wanted), channel, time.sleep, head)
     from drivers.can_python import PythonCanFrames  # noqa: PLC0415 - takes 0.1 s and more
 
     return PythonCanFrames(interface, channel, wanted, config.bitrate_bit_s)
@@ -100,6 +101,7 @@ class CanLink:
         self._patience_ns = _LOCKSTEP_QUIET_NS if lockstep else period_ns // _SEND_PERIODS
         in_lockstep = LockstepPolling(self.receive) if lockstep else None
         self._polling = in_lockstep or self._in_real_time(period_ns, quiet_ns)
+        self._wakes = isinstance(self._polling, Blocking)
         self._sent = self._received = self._frames = 0
         self._heard_ns = 0
         self._met = self._closed = False
@@ -125,15 +127,25 @@ class CanLink:
         if self._closed:
             return None
         now_ns = self._now_ns()
-        self._drain(now_ns)
-        batch = self._assembler.pop(now_ns)
+        frames = self._drain(now_ns)
+        batch = self._assembler.whole(frames, now_ns) if frames else None
+        if batch is None:
+            self._push(frames, now_ns)
+            batch = self._assembler.pop(now_ns)
         if batch is not None:
             self._received += 1
         return batch
 
-    def _drain(self, now_ns: int) -> None:
-        """Take what has come from the bus."""
+    def _drain(self, now_ns: int) -> list[Received]:
+        """Return what has come from the bus."""
         frames = self._port.receive()
+        if frames:
+            self._frames += len(frames)
+            self._heard_ns, self.arrived_ns = now_ns, frames[-1][2]
+        return frames
+
+    def _push(self, frames: list[Received], now_ns: int) -> None:
+        """Let the assembler sort what has come."""
         if not frames:
             return
         push = self._assembler.push
@@ -148,15 +160,16 @@ class CanLink:
             arrived_ns = t_ns - behind_ns
             fresh = stamps and now_ns - _SILENCE_NS < arrived_ns < now_ns
             push(can_id, word, arrived_ns if fresh else now_ns)
-            self.arrived_ns = t_ns
-        self._frames += len(frames)
-        self._heard_ns = now_ns
 
     def wait(self, timeout_ns: int, /) -> bytes | None:
         """Like `receive`, but wait for at most this long [ns]."""
-        batch = self.receive()
-        if batch is not None or timeout_ns <= 0 or self._closed:
-            return batch
+        if timeout_ns <= 0 or self._closed:
+            return self.receive()
+        # The kernel wakes at once for what has come already: looking before would be one too many.
+        if not (self._wakes and self._assembler.idle):
+            batch = self.receive()
+            if batch is not None:
+                return batch
         batch = self._polling.wait(timeout_ns)
         return self.rest() if batch is None else batch
 
@@ -187,7 +200,7 @@ class CanLink:
         end_ns, ask_ns = begin_ns + round(timeout_s * 1e9), begin_ns
         while not self._is_present():
             now_ns = self._now_ns()
-            self._drain(now_ns)
+            self._push(self._drain(now_ns), now_ns)
             if self._heard_ns >= begin_ns and not self._met:
                 break
             if now_ns > end_ns:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from drivers.can_errors import BUS_OFF, ERROR_FLAG
-from drivers.can_frames import Notice, Notices, Received, Wanted
+from drivers.can_frames import HeadPlace, Notice, Notices, Received, Wanted
 from drivers.can_records import EXTENDED, REMOTE
 from hil.codec import iter_frames
 from hil.errors import ConfigError, LinkError
@@ -21,10 +21,14 @@ from hil.errors import ConfigError, LinkError
 FRAME: Final = struct.Struct("<IB3xQ")
 """A classic frame of a little-endian kernel; its eight data bytes are read as one word."""
 
+pack_frame: Final = FRAME.pack
+unpack_frame: Final = FRAME.unpack
+
 _AF_CAN, _CAN_RAW, _SOL_CAN_RAW = 29, 1, 101
 _RAW_FILTER, _RAW_ERR_FILTER = 1, 2
 _SO_TIMESTAMPNS: Final = 35
 _STAMP: Final = struct.Struct("=qq")
+unpack_stamp: Final = _STAMP.unpack
 _FILTER: Final = struct.Struct("=II")
 _STANDARD: Final = 0x7FF
 _ALL_ERRORS: Final = 0x1FFFFFFF
@@ -34,6 +38,7 @@ _MOST_AT_ONCE: Final = 512
 _RECEIVE_BYTES: Final = 1 << 20
 _RETRY_S: Final = 50e-6
 _ASK_NS: Final = 50_000_000
+_NO_HEAD: Final = HeadPlace(-1, 0, 0)
 
 
 def filters(wanted: Wanted) -> bytes:
@@ -72,14 +77,22 @@ def open_socket(channel: str, wanted: Wanted) -> socket.socket:
 class SocketFrames:
     """A node of a SocketCAN interface.
 
-    Parameters: raw : a socket as `open_socket` gives it
+    Parameters: raw : a socket as `open_socket` gives it; head : the frame that tells how many
+        more are worth a read, without it all reads go on until nothing is left
     """
 
-    def __init__(self, raw: socket.socket, channel: str, sleep: Callable[[float], None]) -> None:
+    def __init__(
+        self,
+        raw: socket.socket,
+        channel: str,
+        sleep: Callable[[float], None],
+        head: HeadPlace = _NO_HEAD,
+    ) -> None:
         self.name = f"socketcan:{channel}"
         self.stamps = True
         self._raw = raw
         self._sleep = sleep
+        self._head_id, self._count_at, self._count_mask = head
         self._notices = Notices()
         self._retries = self._full = self._errors = self._bus_off = 0
         self._closed = False
@@ -96,24 +109,29 @@ class SocketFrames:
         """
         if self._closed:
             raise LinkError(f"{self.name}: cannot send: the bus is closed")
+        write = self._raw.send
         for can_id, word in iter_frames(batch):
-            self._write(FRAME.pack(can_id, 8, word), deadline_ns)
+            frame = pack_frame(can_id, 8, word)
+            try:
+                write(frame)
+            except OSError as error:
+                self._write_again(frame, deadline_ns, error)
 
-    def _write(self, frame: bytes, deadline_ns: int) -> None:
-        """Write one frame; one that does not go out is counted, not queued for later."""
-        while True:
+    def _write_again(self, frame: bytes, deadline_ns: int, error: OSError) -> None:
+        """Try a refused frame again; one that does not go out is counted, not queued for later."""
+        while error.errno in {errno.ENOBUFS, errno.EAGAIN}:
+            if time.monotonic_ns() >= deadline_ns:
+                self._full += 1
+                return
+            self._retries += 1
+            self._sleep(_RETRY_S)
             try:
                 self._raw.send(frame)
-            except OSError as error:
-                if error.errno in {errno.ENOBUFS, errno.EAGAIN}:
-                    if time.monotonic_ns() < deadline_ns:
-                        self._retries += 1
-                        self._sleep(_RETRY_S)
-                        continue
-                    self._full += 1
-                    return
-                self._fail(error, "send")
-            return
+            except OSError as again:
+                error = again
+            else:
+                return
+        self._fail(error, "send")
 
     def _fail(self, error: OSError, what: str) -> None:
         """Count an interface that is down, which may come back; give up one that is gone."""
@@ -124,16 +142,20 @@ class SocketFrames:
 
     def ask(self, can_id: int, /) -> None:
         """Send a remote frame."""
-        self._write(FRAME.pack(can_id | REMOTE, 8, 0), time.monotonic_ns() + _ASK_NS)
+        frame = pack_frame(can_id | REMOTE, 8, 0)
+        try:
+            self._raw.send(frame)
+        except OSError as error:
+            self._write_again(frame, time.monotonic_ns() + _ASK_NS, error)
 
     def receive(self) -> list[Received]:
-        """Drain the socket: all frames that have come, with the kernel's time stamps [ns].
+        """Read what has come, to the end of a tick, with the kernel's time stamps [ns].
 
         Raises: LinkError when the interface is gone
         """
         received: list[Received] = []
-        read = self._raw.recvmsg
-        for _ in range(0 if self._closed else _MOST_AT_ONCE):
+        read, left = self._raw.recvmsg, 0 if self._closed else _MOST_AT_ONCE
+        while left > 0:
             try:
                 data, ancillary, _, _ = read(_FRAME_BYTES, _ANCILLARY_BYTES)
             except BlockingIOError:
@@ -141,14 +163,17 @@ class SocketFrames:
             except OSError as error:
                 self._fail(error, "receive")
                 break
+            left -= 1
             if len(data) != _FRAME_BYTES:
                 continue
-            can_id, length, word = FRAME.unpack(data)
+            can_id, length, word = unpack_frame(data)
             if can_id & ERROR_FLAG:
                 self._bus_off += bool(can_id & BUS_OFF)
                 self._notices.add(can_id, data[8:])
             elif length == 8:
                 received.append((can_id, word, _stamp_ns(ancillary)))
+                if can_id == self._head_id:  # a look that finds nothing costs as much as a frame
+                    left = (word >> self._count_at & self._count_mask) - 1
         return received
 
     def settle(self) -> None:
@@ -175,9 +200,9 @@ class SocketFrames:
 
 
 def _stamp_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
-    """Return the kernel's time of arrival [ns], 0 when it gave none."""
-    for level, kind, data in ancillary:
-        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
-            seconds, nanoseconds = _STAMP.unpack_from(data)
-            return int(seconds) * 1_000_000_000 + int(nanoseconds)
-    return 0
+    """Return the kernel's time of arrival, all that it was asked to tell [ns]; 0 without one."""
+    if not ancillary:
+        return 0
+    seconds, nanoseconds = unpack_stamp(ancillary[0][2])
+    t_ns: int = seconds * 1_000_000_000 + nanoseconds
+    return t_ns

@@ -218,3 +218,50 @@ def test_a_babbler_is_cut_into_batches(sender):
     while (batch := bench.pop()) is not None:
         sizes.append(len(batch) // 10)
     assert sizes == [MAX_FRAMES] * 10
+
+
+FATES = st.lists(st.sampled_from(["pass", "lost", "twice", "first", "after", "flipped"]))
+
+
+def arrived(frames, before, fates):
+    """What becomes of a tick's frames on a bus that loses, repeats, swaps and alters them."""
+    came = []
+    for can_id, word in frames:
+        fate = fates.pop() if fates else "pass"
+        frame = (can_id, word ^ 1 << 40) if fate == "flipped" else (can_id, word)
+        copies = {"lost": 0, "twice": 2}.get(fate, 1)
+        came += [before, frame] if fate == "after" else [frame] * copies
+        if fate == "first":
+            came.insert(0, came.pop())
+    return came
+
+
+@given(st.sampled_from([plant_ticks(0, 20), answers(20)]), FATES)
+def test_frames_that_came_in_one_piece_make_the_same_batch_as_one_by_one(ticks, fates):
+    sender = "plant" if ticks[0][0][0] == 0x100 else "controller"
+    short, long = Assembler(sender, QUIET), Assembler(sender, QUIET)
+    before = ticks[0][-1]
+    for now, frames in enumerate(ticks):
+        came = arrived(frames, before, fates)
+        before = frames[-1]
+        taken = short.whole([(*frame, now) for frame in came], now) if came else None
+        for frame in came:
+            long.push(*frame, now)
+            if taken is None:
+                short.push(*frame, now)
+        assert long.pop(now + QUIET) == (taken or short.pop(now + QUIET))
+        assert long.idle == short.idle
+
+
+def test_a_tick_in_one_piece_needs_no_second_look():
+    bench = Bench("controller")
+    for frames in answers(3):
+        assert bench.assembler.whole([(*frame, 0) for frame in frames], 0) == joined(*frames)
+        assert bench.assembler.idle
+    (skipped, (head, body)) = plant_ticks(0, 2)
+    late = Bench()
+    assert late.assembler.whole([(*body, 0), (*head, 0)], 0) is None
+    assert late.assembler.whole([(*head, 0)], 0) is None
+    assert late.assembler.whole([(*head, 0), (*head, 0)], 0) is None
+    assert late.assembler.whole([(*head, 0), (*skipped[1], 0)], 0) is None
+    assert late.assembler.idle

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from drivers import can_socket
+from drivers.can_assembly import head_place
 from drivers.can_frames import Wanted
 from drivers.can_link import CanLink, wanted_by
 from drivers.can_socket import FRAME, SocketFrames, filters, open_socket
@@ -91,6 +92,19 @@ def test_everything_that_has_come_is_read_at_once_with_whole_nanoseconds(kernel,
     got = port.receive()
     assert got == [(0x100, n, 1_700_000_000_000_000_001 + n) for n in range(5)]
     assert port.receive() == []
+
+
+def test_a_tick_that_is_whole_is_not_looked_behind(kernel):
+    port = SocketFrames(kernel, "vcan0", lambda _: None, head_place("plant"))
+    for can_id, word in (*iter_frames(batch()), *iter_frames(batch())):
+        kernel.arrive(can_id, word.to_bytes(8, "little"))
+    assert len(port.receive()) == 2
+    assert len(kernel.arrived) == 2
+    assert len(port.receive()) == 2
+    head, body = iter_frames(batch())
+    kernel.arrive(*body[:1], body[1].to_bytes(8, "little"))
+    kernel.arrive(*head[:1], head[1].to_bytes(8, "little"))
+    assert [can_id for can_id, _, _ in port.receive()] == [0x101, 0x100]
 
 
 def test_a_flood_is_read_in_portions(kernel, port):
@@ -206,6 +220,21 @@ def test_the_link_gives_back_whole_ticks_and_logs_the_bus(kernel, port):
     link.close()
     assert kernel.closed
     assert link.receive() is None
+
+
+def test_what_has_come_is_not_looked_for_before_the_kernel_was_asked(kernel):
+    looks = []
+    kernel.recvmsg = lambda *of: looks.append(of) or Kernel.recvmsg(kernel, *of)
+    port = SocketFrames(kernel, "vcan0", lambda _: None, head_place("plant"))
+    link = CanLink(port, Presence("controller"), 1_000_000)
+    for tick in range(3):
+        encoder = Encoder()
+        for _ in range(tick + 1):
+            sent = encoder.encode((PlantTick(tick, 2, 0, 1.0, NAN, NAN), PistonSample(0.01, 1.0)))
+        for can_id, word in iter_frames(sent):
+            kernel.arrive(can_id, word.to_bytes(8, "little"))
+        assert link.wait(1_000_000) == sent
+    assert len(looks) == 6
 
 
 def test_a_kernel_without_can_or_the_interface_is_told_in_one_line(monkeypatch):
