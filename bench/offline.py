@@ -10,8 +10,9 @@ import math
 from typing import NamedTuple
 
 import controller.main
+import controller.step
 import plant.main
-from controller import step as control
+from controller import state as control
 from controller.actuator import MAX_PULSES
 from hil.config.scenario import Scenario
 from hil.messages import PULSE_CLOCK_US, PistonSample
@@ -57,7 +58,7 @@ def simulate(scenario: Scenario) -> Course:
         if state.dead_centre.number != before:
             course.dead_centres.append(state.dead_centre)
         inputs = control.Inputs(tick, sensed, schedule.get(tick), power_w)
-        mind, output = control.step(law, mind, inputs)
+        mind, output = controller.step.step(law, mind, inputs)
         command = _command_of(output)
     return course._replace(mode=mind.mode.name.lower())
 

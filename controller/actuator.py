@@ -50,8 +50,15 @@ def still_open(
 
     They are sent again every tick until they have closed, so that one lost frame costs nothing.
     """
-    if not pulses and planned == (None, None):
-        return pulses
+    for pulse in planned:
+        if pulse is not None and pulse not in pulses:
+            break
+    else:  # nothing new
+        for _, open_ns, duration_ns in pulses:
+            if open_ns + duration_ns <= t_ns:
+                break
+        else:
+            return pulses
     new = [pulse for pulse in planned if pulse is not None]
     channels = [pulse.channel for pulse in new]
     kept = [pulse for pulse in pulses if pulse.channel not in channels]
@@ -64,12 +71,11 @@ def messages(
     tick: int, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...]
 ) -> tuple[Message, ...]:
     """The messages that answer a sample."""
-    sent = pulses[:MAX_PULSES]
-    return (
-        ControllerTick(tick, 2 + len(sent), int(mode)),
-        MachineCommand(machine.mode, machine.force_n, machine.load_n_s_m, throttle),
-        *(
-            Pulse(p.channel, p.open_ns // 1000 % PULSE_CLOCK_US, p.duration_ns // 1000)
-            for p in sent
-        ),
-    )
+    command = MachineCommand(machine.mode, machine.force_n, machine.load_n_s_m, throttle)
+    if not pulses:
+        return (ControllerTick(tick, 2, int(mode)), command)
+    sent = [
+        Pulse(channel, open_ns // 1000 % PULSE_CLOCK_US, duration_ns // 1000)
+        for channel, open_ns, duration_ns in pulses[:MAX_PULSES]
+    ]
+    return (ControllerTick(tick, 2 + len(sent), int(mode)), command, *sent)

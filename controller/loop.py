@@ -12,7 +12,9 @@ from controller.commands import OperatorCommand, parse
 from controller.memory import LoopMemory
 from controller.plausibility import CLEAR, judge
 from controller.start_restart import Mode
-from controller.step import Inputs, Output, Params, State, StrokeReport, step
+from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.step import step
+from controller.timing import PlannedPulse
 from hil import snapshot, topics
 from hil.codec import Decoder, Encoder
 from hil.e2e import MAX_DELTA
@@ -20,9 +22,15 @@ from hil.errors import ConfigError
 from hil.messages import PistonSample, PlantTick
 from hil.pacing import Pacer
 from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.records import together
+
+MAX_LOGGED: Final = 4
+"""Pulses of one tick that its record has room for."""
 
 _NAN: Final = float("nan")
-_NO_PULSES: Final = (0, 0, 0, 0)
+_NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durations
+_PADDING: Final = (PlannedPulse(0, 0, 0),) * MAX_LOGGED
+_PACK_TICK: Final = together(topics.SENSOR, topics.ACTUATOR, topics.TIMING)
 _COMMAND_EVERY: Final = 10
 _TICK_MODULO: Final = 1 << 32
 _NEVER: Final = 1 << 62
@@ -130,7 +138,7 @@ class ControllerLoop:
 
     def _whole_tick(self, low: int) -> int:
         """The tick of which the wire carries 32 bits, nearest to the last; -1 if far ahead."""
-        if self.tick < 0:
+        if self.tick < 0 or low == self.tick + 1:
             return low
         half = _TICK_MODULO // 2
         ahead = (low - self.tick + half) % _TICK_MODULO - half
@@ -193,16 +201,18 @@ class ControllerLoop:
         power, left, right = self._slow
         status = _status_of(sample, batch)
         used = tick if sample is not None else -1
-        data = (
-            topics.SENSOR.pack(tick, t_ns, x_m, v_m_s, left, right, power, status)
-            + _packed_output(tick, t_ns, output)
-            + topics.TIMING.pack(tick, t_ns, t_ns, woke_ns, done_ns, used, missed)
-        )
+        mode, force_n, load_n_s_m = output.machine
+        data = _PACK_TICK(
+            tick, t_ns, x_m, v_m_s, left, right, power, status,
+            tick, mode, force_n, load_n_s_m, output.throttle, *_columns_of(output.pulses),
+            t_ns, woke_ns, done_ns, used, missed,
+        )  # fmt: skip
         if batch:
             data += topics.FRAMES_RECEIVED.pack(tick, t_ns, batch)
         if frames:
             data += topics.FRAMES_SENT.pack(tick, t_ns, frames)
-        data += self._packed_occasions(tick, t_ns, output)
+        if output.stroke or output.events or self._heard or self.state.demand is not self._demand:
+            data += self._packed_occasions(tick, t_ns, output)
         if not missed and (tick + 1) % self._snapshot_every == 0:
             text = snapshot.dumps(self.remember())
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
@@ -281,22 +291,13 @@ def _status_of(sample: PistonSample | None, batch: bytes) -> int:
     return topics.SAMPLE_INVALID if batch else topics.SAMPLE_NONE
 
 
-def _packed_output(tick: int, t_ns: int, output: Output) -> bytes:
-    """What the controller commands in this tick, in SI."""
-    mode, force_n, load_n_s_m = output.machine
-    pulses = output.pulses[:4]
+def _columns_of(pulses: tuple[PlannedPulse, ...]) -> tuple[int, ...]:
+    """How many pulses there are, then their channels, openings and durations, four of each."""
     if not pulses:
-        return topics.ACTUATOR.pack(
-            tick, t_ns, tick, mode, force_n, load_n_s_m, output.throttle, 0,
-            _NO_PULSES, _NO_PULSES, _NO_PULSES,
-        )  # fmt: skip
-    padding = _NO_PULSES[len(pulses) :]
-    return topics.ACTUATOR.pack(
-        tick, t_ns, tick, mode, force_n, load_n_s_m, output.throttle, len(pulses),
-        (*[p.channel for p in pulses], *padding),
-        (*[p.open_ns for p in pulses], *padding),
-        (*[p.duration_ns for p in pulses], *padding),
-    )  # fmt: skip
+        return _NO_PULSES
+    columns = zip(*(*pulses, *_PADDING)[:MAX_LOGGED], strict=True)
+    channels, opens, durations = columns
+    return (min(len(pulses), MAX_LOGGED), *channels, *opens, *durations)
 
 
 def _packed_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> bytes:

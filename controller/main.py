@@ -9,7 +9,7 @@ from typing import Any
 from controller.commands import OperatorCommand
 from controller.duty import Duty
 from controller.loop import ControllerLoop
-from controller.step import initial_state, make_params
+from controller.state import initial_state, make_params
 from drivers.clock import SystemClock
 from drivers.gpio import open_outputs, with_outputs
 from drivers.links import Connection, open_link

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.plausibility import Credence
-from controller.step import State
+from controller.state import State
 from hil.codec import DecoderMemory
 from hil.messages import PistonSample
 

@@ -12,6 +12,9 @@ from hil.messages import INJECTOR_LEFT, SPARK_LEFT
 
 _US = 1000
 
+FAR_NS, FAR_EVERY = 4_000_000, 4
+"""Further ahead than this a spark is placed anew every fourth tick only."""
+
 SPARK_STEP_NS = 100_000
 """A thirtieth of the plant's spark window: a smaller correction is not worth a new order."""
 
@@ -121,8 +124,10 @@ def plan_spark(
     """
     timing = config.timing
     acts_ns = t_ns + timing.act_ticks * period_ns
-    if plan.spark is not None and plan.spark.open_ns <= acts_ns:
-        return plan
+    if plan.spark is not None:
+        ahead_ns = plan.spark.open_ns - acts_ns
+        if ahead_ns <= 0 or (ahead_ns > FAR_NS and t_ns // period_ns % FAR_EVERY):
+            return plan
     if ahead is None:
         seconds = seconds_to_dead_centre(motion, period_ns * 1e-9, math.pi / stroke_s)
     else:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
 from hil import messages as _messages
-from hil.e2e import MAX_DELTA, ReceptionCounts, counter_marks, crc_of
+from hil.e2e import CRC_SOURCE, CRC_TABLES, MAX_DELTA, ReceptionCounts, counter_marks
 from hil.errors import CodecError
 from hil.signals import LAYOUTS, Layout, Placed, layout_of
 
@@ -23,6 +23,8 @@ pack_frame: Final = FRAME.pack
 iter_frames: Final = FRAME.iter_unpack
 
 _NAN: Final = float("nan")
+_DAMAGED: Final = object()
+_BATCHES: Final = tuple(struct.Struct("<" + "HQ" * frames) for frames in range(17))
 
 
 def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
@@ -39,35 +41,37 @@ def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
 
 
 def _pack_source(layout: Layout) -> list[str]:
-    """Source of `pack(msg) -> int`: range-checked raw values, each shifted to its place."""
+    """Source of `pack(msg) -> bare`: range-checked raw values, each at its place, and their CRC."""
     names = ", ".join(placed.name for placed in layout.fields)
     selector = next((p.name for p in layout.fields if p.signal.selects), "")
-    source = ["def pack(msg):", f"    {names}, = msg", "    word = 0"]
+    source = ["def pack(msg):", f"    {names}, = msg"]
     for placed in layout.fields:
-        signal, indent = placed.signal, "    "
+        signal, indent, raw = placed.signal, "    ", f"raw_{placed.name}"
         if signal.only_when is not None:
-            source.append(f"    if {selector} == {signal.only_when}:")
+            source += [f"    {raw} = 0", f"    if {selector} == {signal.only_when}:"]
             indent = "        "
-        raw = f"round({placed.name} / {signal.scale!r})" if placed.is_float else placed.name
+        value = f"round({placed.name} / {signal.scale!r})" if placed.is_float else placed.name
         low, high = signal.raw_range
         source += [
-            f"{indent}raw = {raw}",
-            f"{indent}if not {low} <= raw <= {high}: fail({placed.name!r}, {placed.name})",
-            f"{indent}word |= {_placed_source(placed)}",
+            f"{indent}{raw} = {value}",
+            f"{indent}if not {low} <= {raw} <= {high}: fail({placed.name!r}, {placed.name})",
         ]
-    return [*source, "    return word"]
+    source.append(f"    word = {' | '.join(_placed_source(placed) for placed in layout.fields)}")
+    return [*source, f"    return word | {CRC_SOURCE}"]
 
 
 def _placed_source(placed: Placed) -> str:
     """Source of a raw value within its range at its place; only a negative one needs a mask."""
-    raw = f"(raw & {(1 << placed.signal.bits) - 1})" if placed.signal.signed else "raw"
+    raw = f"raw_{placed.name}"
+    if placed.signal.signed:
+        raw = f"({raw} & {(1 << placed.signal.bits) - 1})"
     return f"{raw} << {placed.start_bit}"
 
 
 def _unpack_source(layout: Layout) -> list[str]:
-    """Source of `unpack(word) -> message`, or None when a value is out of its range."""
+    """Source of `unpack(bare)`: the message, None for a value out of range, or DAMAGED."""
     selector = next((p.name for p in layout.fields if p.signal.selects), "")
-    source = ["def unpack(word):"]
+    source = ["def unpack(word):", f"    if {CRC_SOURCE} != word & 0xFFF: return DAMAGED"]
     for placed in layout.fields:
         indent = "    "
         if placed.signal.only_when is not None:
@@ -84,17 +88,21 @@ def _unpack_source(layout: Layout) -> list[str]:
 def _unpack_field(placed: Placed) -> list[str]:
     """Source lines that put one field's value into a variable of its name."""
     signal = placed.signal
-    lines = [f"raw = word >> {placed.start_bit} & {(1 << signal.bits) - 1}"]
+    raw = f"word >> {placed.start_bit} & {(1 << signal.bits) - 1}"
     low, high = signal.raw_range
     width_low, width_high = 0, (1 << signal.bits) - 1
     if signal.signed:
         half = 1 << signal.bits - 1
-        lines.append(f"raw = (raw ^ {half}) - {half}")
+        raw = f"({raw} ^ {half}) - {half}"
         width_low, width_high = -half, half - 1
-    if (low, high) != (width_low, width_high):
-        lines.append(f"if not {low} <= raw <= {high}: return None")
-    value = f"raw * {signal.scale!r}" if placed.is_float else "raw"
-    return [*lines, f"{placed.name} = {value}"]
+    scale = f" * {signal.scale!r}" if placed.is_float else ""
+    if (low, high) == (width_low, width_high):
+        return [f"{placed.name} = {f'({raw}){scale}' if scale else raw}"]
+    return [
+        f"raw = {raw}",
+        f"if not {low} <= raw <= {high}: return None",
+        f"{placed.name} = raw{scale}",
+    ]
 
 
 def _refusal(layout: Layout, placed: Placed, value: float) -> str:
@@ -123,7 +131,10 @@ def _compile(layout: Layout) -> tuple[Callable[[Any], int], Callable[[int], Any]
         placed = next(p for p in layout.fields if p.name == name)
         raise CodecError(_refusal(layout, placed, value))
 
-    scope: dict[str, Any] = {"fail": fail, "new": tuple.__new__, "cls": layout.make, "NAN": _NAN}
+    scope: dict[str, Any] = {
+        "fail": fail, "new": tuple.__new__, "cls": layout.make, "NAN": _NAN, "DAMAGED": _DAMAGED,
+        **CRC_TABLES,
+    }  # fmt: skip
     source = "\n".join(_pack_source(layout) + _unpack_source(layout))
     exec(compile(source, f"<codec of {layout.name}>", "exec"), scope)
     return scope["pack"], scope["unpack"]
@@ -170,23 +181,22 @@ class Encoder:
         self._streams = {codec.layout.make: _Stream(codec) for codec in _CODECS.values()}
 
     def encode(self, messages: Iterable[_messages.Message]) -> bytes:
-        """Encode the messages of one tick, in order.
+        """Encode the messages of one tick, in order; at most 16.
 
         Raises: CodecError when a value does not fit its signal, is nan or infinite
         """
-        frames = []
+        frames: list[int] = []
         for message in messages:
             stream = self._streams[type(message)]
-            counter = stream.counter = (stream.counter + 1) & 0xF
+            counter = stream.counter = stream.counter + 1 & 0xF
             if message != stream.message:
                 try:
-                    payload = stream.pack(message)
+                    stream.bare = stream.pack(message)
                 except (ValueError, OverflowError):
                     raise CodecError(_no_number(message)) from None
-                stream.bare = payload | crc_of(payload)
                 stream.message = message
-            frames.append(pack_frame(stream.can_id, stream.bare ^ stream.marks[counter]))
-        return b"".join(frames)
+            frames += (stream.can_id, stream.bare ^ stream.marks[counter])
+        return _BATCHES[len(frames) >> 1].pack(*frames)
 
     @property
     def counters(self) -> dict[int, int]:
@@ -236,26 +246,41 @@ class Decoder:
         if len(batch) % FRAME.size:  # not from our encoder; what is whole in it is protected
             self.incomplete += 1
             batch = batch[: len(batch) - len(batch) % FRAME.size]
+        find = self._streams.get
         for can_id, word in iter_frames(batch):
-            stream = self._streams.get(can_id)
+            stream = find(can_id)
             if stream is None:
                 self.unknown += 1
                 continue
-            counter = word >> 8 & 0xF
+            counter = stream.counter + 1 & 0xF
             bare = word ^ stream.marks[counter]
-            if bare != stream.bare and crc_of(bare) != bare & 0xFF:
-                self.corrupted += 1
-            elif counter == (stream.counter + 1) & 0xF or self._may_follow(stream, counter):
+            if bare == stream.bare:
                 stream.counter = counter
-                if bare != stream.bare:
-                    stream.bare = bare
-                    stream.message = stream.unpack(bare)
-                if stream.message is None:
-                    self.out_of_range += 1
-                else:
-                    self.ok += 1
-                    decoded.append(stream.message)
+            else:
+                message = stream.unpack(bare)
+                if message is not _DAMAGED:
+                    stream.counter, stream.bare, stream.message = counter, bare, message
+                elif not self._comes_out_of_turn(stream, word):
+                    continue
+            if stream.message is None:
+                self.out_of_range += 1
+            else:
+                decoded.append(stream.message)
+        self.ok += len(decoded)
         return decoded
+
+    def _comes_out_of_turn(self, stream: _Stream, word: int) -> bool:
+        """Take a frame that is not right with the next counter: damaged, or with another one."""
+        counter = word >> 8 & 0xF
+        bare = word ^ stream.marks[counter]
+        message = stream.unpack(bare)
+        if message is _DAMAGED:
+            self.corrupted += 1
+            return False
+        if not self._may_follow(stream, counter):
+            return False
+        stream.counter, stream.bare, stream.message = counter, bare, message
+        return True
 
     def _may_follow(self, stream: _Stream, counter: int) -> bool:
         """Judge a counter that is not the next one: accept after a loss, refuse what is old."""

@@ -7,6 +7,7 @@ four look-ups instead of eight.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 _POLYNOMIAL: Final = 0x2F
@@ -62,14 +63,15 @@ _BYTE_7: Final = _BYTES[6]
 _START: Final = _constant()
 
 
-def crc_of(word: int) -> int:
-    """What bits 8 to 63 of a word contribute to its CRC."""
-    return (
-        _PAIR_1_2[word >> 8 & 0xFFFF]
-        ^ _PAIR_3_4[word >> 24 & 0xFFFF]
-        ^ _PAIR_5_6[word >> 40 & 0xFFFF]
-        ^ _BYTE_7[word >> 56]
-    )
+CRC_TABLES: Final = {"P12": _PAIR_1_2, "P34": _PAIR_3_4, "P56": _PAIR_5_6, "B7": _BYTE_7}
+CRC_SOURCE: Final = (
+    "P12[word >> 8 & 0xFFFF] ^ P34[word >> 24 & 0xFFFF] ^ P56[word >> 40 & 0xFFFF] ^ B7[word >> 56]"
+)
+"""What bits 8 to 63 of `word` contribute to its CRC; the codec writes it into its functions."""
+
+_SCOPE: dict[str, Callable[[int], int]] = {}
+exec(f"def crc_of(word): return {CRC_SOURCE}", {**CRC_TABLES}, _SCOPE)
+crc_of: Final = _SCOPE["crc_of"]
 
 
 def counter_marks(data_ids: bytes) -> tuple[int, ...]:

@@ -17,12 +17,14 @@ from hil.messages import (
     SLOW_SIGNALS,
     ControllerTick,
     MachineCommand,
+    Message,
     PistonSample,
     PlantTick,
     Pulse,
 )
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.records import together
 from plant import events as codes
 from plant import faults
 from plant.actuation import PulseOrder
@@ -38,8 +40,10 @@ _NAN: Final = float("nan")
 _NEVER: Final = 1 << 62
 _POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
 _SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
-_NO_PULSES: Final = (0, 0, 0, 0)
-_NO_COLUMNS: Final[tuple[tuple[int, ...], ...]] = ((), (), ())
+_NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durations
+_PADDING: Final = ((0, 0, 0),) * 4
+_PACK_TICK: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING)
+_PACK_ANSWERED: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING, topics.ACTUATOR)
 _FIRING_MODES: Final = (1, 2)
 _SEVERITY: Final = {
     codes.CONTACT: topics.FAULT,
@@ -105,6 +109,9 @@ class PlantLoop:
         self._answered_before = False
         self._silent_turns = 0
         self._throttle = 1.0
+        # Commands repeat for many ticks: what they come to is worked out when they change.
+        self._said: tuple[MachineCommand | None, list[Pulse], int] = (None, [], -1)
+        self._command = Command()
         self._snapshot_every = snapshot_every or _NEVER
         self._commands = commands
         self._heard = b""
@@ -156,7 +163,10 @@ class PlantLoop:
             _within(left, 32.0e6) if slow == _P_LEFT else _NAN,
             _within(right, 32.0e6) if slow == _P_RIGHT else _NAN,
         )
-        body = PistonSample(_within(x_m, 0.08), _within(v_m_s, 8.0))
+        if -0.08 <= x_m <= 0.08 and -8.0 <= v_m_s <= 8.0:
+            body = PistonSample(x_m, v_m_s)
+        else:
+            body = PistonSample(_within(x_m, 0.08), _within(v_m_s, 8.0))
         return Measured(sensed, left, right, power, self._encoder.encode((head, body)))
 
     def _take_fault(self, commands: CommandSource, tick: int) -> None:
@@ -202,30 +212,23 @@ class PlantLoop:
         if not arrived:
             return self._unanswered()
         self._silent_turns = 0
-        machine, mode, tick = None, -1, -1
-        pulses: list[PulseOrder] = []
-        for batch in arrived:
-            older, pulses = pulses, []
-            for message in self.decoder.decode(batch):
-                kind = type(message)
-                if kind is ControllerTick:
-                    tick, mode = message.tick, message.mode
-                elif kind is MachineCommand:
-                    machine = MachineOrder(
-                        message.mode, message.force_n, message.load_coefficient_n_s_m
-                    )
-                    self._throttle = message.throttle
-                elif kind is Pulse:
-                    pulses.append(PulseOrder(*message))
-            pulses = _superseded(older, pulses)
-        if mode < 0:
+        head, machine, pulses = _read(self.decoder.decode(arrived[0]))
+        for batch in arrived[1:]:
+            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            head, machine = next_head or head, next_machine or machine
+            pulses = _superseded(pulses, newer)
+        if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
         self._answered_before = True
         self.answered += 1
-        self._used_tick = tick
-        command = Command(machine, tuple(pulses), mode in _FIRING_MODES)
-        return Answer(tick, command, tuple(arrived), self._throttle)
+        self._used_tick = head.tick
+        said = (machine, pulses, head.mode)
+        if said != self._said:
+            self._said, self._command = said, _commanded(*said)
+            if machine is not None:
+                self._throttle = machine.throttle
+        return Answer(head.tick, self._command, tuple(arrived), self._throttle)
 
     def _unanswered(self) -> Answer:
         """Nothing came: not yet, while the controller is coming up, or no more."""
@@ -243,7 +246,7 @@ class PlantLoop:
         held = Command() if before.stale == 0 else None
         self.state, events = step(self.params, before, held)
         t_ns = tick * self.params.period_ns
-        data = topics.TRUTH.pack(*truth(self.params.period_ns, before)) + topics.TIMING.pack(
+        data = topics.TRUTH.pack(tick, t_ns, *truth(before)) + topics.TIMING.pack(
             tick, t_ns, t_ns, slot.woke_ns, slot.woke_ns, -1, 1
         )
         self._put(data + _packed_events(tick, t_ns, events))
@@ -261,18 +264,17 @@ class PlantLoop:
         tick = slot.tick
         t_ns = tick * self.params.period_ns
         (x_m, v_m_s), left, right, power, batch = measured
-        data = (
-            topics.SENSOR.pack(tick, t_ns, x_m, v_m_s, left, right, power, 0)
-            + topics.TRUTH.pack(*truth(self.params.period_ns, before))
-            + topics.FRAMES_SENT.pack(tick, t_ns, batch)
-            + topics.TIMING.pack(
-                tick, t_ns, slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0
-            )
-        )
+        values = (
+            tick, t_ns, x_m, v_m_s, left, right, power, 0, *truth(before),
+            slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0,
+        )  # fmt: skip
+        if answer.batches and answer.command is not None:
+            data = _PACK_ANSWERED(*values, *self._ordered(t_ns, answer, answer.command))
+        else:
+            data = _PACK_TICK(*values)
+        data += topics.FRAMES_SENT.pack(tick, t_ns, batch)
         for received in answer.batches:
             data += topics.FRAMES_RECEIVED.pack(tick, t_ns, received)
-        if answer.batches and answer.command is not None:
-            data += self._packed_command(tick, t_ns, answer)
         if events:
             data += _packed_events(tick, t_ns, events)
         if self._heard:
@@ -282,18 +284,15 @@ class PlantLoop:
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
         self._put(data)
 
-    def _packed_command(self, tick: int, t_ns: int, answer: Answer) -> bytes:
-        """The decoded answer in SI, as it acts from this tick on."""
-        command = answer.command or Command()
+    def _ordered(self, t_ns: int, answer: Answer, command: Command) -> tuple[float, ...]:
+        """The decoded answer in SI, as it acts from this tick on: the fields of /actuator."""
         order = command.machine or self.state.machine.order
-        pulses = [unwrapped(pulse, t_ns) for pulse in command.pulses[:4]]
-        channels, opens, durations = (
-            (*column, *_NO_PULSES[len(pulses) :]) for column in _columns(pulses)
-        )
-        return topics.ACTUATOR.pack(
-            tick, t_ns, answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m,
-            answer.throttle, len(pulses), channels, opens, durations,
-        )  # fmt: skip
+        if not command.pulses:
+            return (answer.tick, *order, answer.throttle, *_NO_PULSES)
+        rows = [unwrapped(pulse, t_ns) for pulse in command.pulses[: len(_PADDING)]]
+        columns = zip(*(*rows, *_PADDING[len(rows) :]), strict=True)
+        channels, opens, durations = columns
+        return (answer.tick, *order, answer.throttle, len(rows), *channels, *opens, *durations)
 
     def remember(self) -> LoopMemory:
         """Return all that the next turn depends on besides its inputs."""
@@ -348,15 +347,33 @@ def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
     return pulse.channel, (now_us + ahead_us) * 1000, pulse.duration_us * 1000
 
 
-def _superseded(older: list[PulseOrder], newer: list[PulseOrder]) -> list[PulseOrder]:
+def _read(
+    messages: list[Message],
+) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
+    """Sort what one batch held; of what came through more than once the last counts."""
+    head, machine = None, None
+    pulses = []
+    for message in messages:
+        if type(message) is ControllerTick:
+            head = message
+        elif type(message) is MachineCommand:
+            machine = message
+        elif type(message) is Pulse:
+            pulses.append(message)
+    return head, machine, pulses
+
+
+def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -> Command:
+    """What the frames of one answer order, in the plant's own terms."""
+    order = None if machine is None else MachineOrder(*machine[:3])
+    orders = tuple([PulseOrder(*pulse) for pulse in pulses])
+    return Command(order, orders, mode in _FIRING_MODES)
+
+
+def _superseded(older: list[Pulse], newer: list[Pulse]) -> list[Pulse]:
     """Of two answers in one tick the newer one counts, channel by channel."""
     channels = [pulse.channel for pulse in newer]
     return [pulse for pulse in older if pulse.channel not in channels] + newer if older else newer
-
-
-def _columns(rows: list[tuple[int, int, int]]) -> tuple[tuple[int, ...], ...]:
-    """Transpose, also when there is nothing."""
-    return tuple(zip(*rows, strict=True)) if rows else _NO_COLUMNS
 
 
 def _packed_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:

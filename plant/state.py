@@ -56,36 +56,10 @@ class PlantState(NamedTuple):
     gas: GasState | None = None
 
 
-class Truth(NamedTuple):
-    """What is logged of a state, flat; `disturbance` has the bits of Disturbances.mask."""
-
-    tick: int
-    t_ns: int
-    x_m: float
-    v_m_s: float
-    fuel_kg: float
-    load_coefficient_n_s_m: float
-    disturbance: int
-    dc_index: int
-    dc_t_ns: int
-    dc_x_m: float
-    contacts: int
-
-
-def truth(period_ns: int, state: PlantState) -> Truth:
-    """Flatten a state for the log."""
+def truth(state: PlantState) -> tuple[float, ...]:
+    """What the log holds of a state: the fields of /truth after its tick and instant."""
     number, dc_t_ns, dc_x_m, fuel_kg, _ = state.dead_centre
-    tick = state.tick
-    return Truth(
-        tick,
-        tick * period_ns,
-        state.x_m,
-        state.v_m_s,
-        fuel_kg,
-        state.machine.load_coefficient_n_s_m,
-        state.disturbances.mask,
-        number,
-        dc_t_ns,
-        dc_x_m,
-        state.contacts,
-    )
+    return (
+        state.x_m, state.v_m_s, fuel_kg, state.machine.load_coefficient_n_s_m,
+        state.disturbances.mask, number, dc_t_ns, dc_x_m, state.contacts,
+    )  # fmt: skip

@@ -9,7 +9,8 @@ from controller.commands import OperatorCommand
 from controller.estimate import Motion, update
 from controller.laws.pi import pi_step
 from controller.start_restart import Mode
-from controller.step import FIRING_MODES, Inputs, initial_state, make_params, step
+from controller.state import Inputs, initial_state, make_params
+from controller.step import FIRING_MODES, step
 from hil.codec import Encoder
 from hil.config.controller import ControllerConfig, Gains
 from hil.messages import PistonSample

@@ -7,7 +7,7 @@ import pytest
 from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
 from controller.start_restart import Mode
-from controller.step import initial_state, make_params
+from controller.state import initial_state, make_params
 from hil import topics
 from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig

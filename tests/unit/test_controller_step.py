@@ -6,7 +6,8 @@ import pytest
 
 from controller.commands import OperatorCommand
 from controller.start_restart import Mode
-from controller.step import Inputs, initial_state, make_params, step
+from controller.state import Inputs, initial_state, make_params
+from controller.step import step
 from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
 from hil.messages import GENERATOR, OFF, PistonSample
