@@ -23,6 +23,8 @@ sys.path.insert(0, str(HERE))
 
 import judge  # noqa: E402
 
+from hil.errors import HilError  # noqa: E402
+
 TOOLS = ("qemu-system-x86_64", "mmdebstrap", "busybox", "mke2fs", "depmod", "modprobe", "cpio",
          "dpkg-deb", "apt-get", "chroot")  # fmt: skip
 CODE = ("pyproject.toml", "hil", "drivers", "plant", "controller", "bench", "systemd", "docs")
@@ -63,6 +65,14 @@ def boot(guest: Path, results: Path, kind: str) -> bool:
     return subprocess.run([HERE / "boot", guest, results, kind], check=False).returncode == 0
 
 
+def judged(out: Path, *, update_budget: bool) -> list[judge.Finding]:
+    """Judge the timing boot; what it did not bring back is a finding, not a fault of the test."""
+    try:
+        return judge.judge_timing(out, HERE / "budget.json", update=update_budget)
+    except (HilError, OSError, ValueError, KeyError) as error:
+        return [judge.Finding(False, f"cannot be judged: {error!r}")]
+
+
 def test(kind: str, guest: Path, cache: Path, *, update_budget: bool) -> bool:
     """Boot and judge once; prints what was found."""
     results = cache / "results" / kind
@@ -70,7 +80,7 @@ def test(kind: str, guest: Path, cache: Path, *, update_budget: bool) -> bool:
     ended = boot(guest, results, kind)
     findings = judge.read_checks(results / "out" / "checks.txt")
     if kind == "timing" and ended:
-        findings += judge.judge_timing(results / "out", HERE / "budget.json", update=update_budget)
+        findings += judged(results / "out", update_budget=update_budget)
     findings.append(judge.Finding(ended, "the guest ran to its end and powered off"))
     print(f"\n{kind}: {time.monotonic() - start_s:.0f} s")
     for finding in findings:

@@ -29,6 +29,8 @@ status_has() { property "$1" StatusText | grep -q "$2"; }
 journal_has() { journalctl -b -q --no-pager -u "fpeg-$1.service" | grep -q "$2"; }
 pid_changed() { [ "$(property "$1" MainPID)" != "$2" ] && [ "$(property "$1" MainPID)" != 0 ]; }
 restarted() { pid_changed "$1" "$2" && is "$1" ActiveState active; }
+recorders() { systemctl list-units --no-legend --plain 'fpeg-recorder@*' | grep -c running; }
+has_recorders() { [ "$(recorders)" = "$1" ]; }
 python() { PYTHONPATH=/opt/fpeg-hil/lib:/opt/fpeg-hil/packages python3 -P "$@"; }
 finish() {
     journalctl -b -q -o short-monotonic --no-pager > $out/journal.txt
