@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from bench import engine_defaults
+from bench import engine_defaults, fmu_defaults
 from controller.supervisory import target_load
 from hil.config.load import describe
 from hil.config.plant import PlantConfig
@@ -34,6 +34,8 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
         leaves the endpoints as they are
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
+    if fmu_defaults.is_unit(scenario):
+        return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(
             f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"

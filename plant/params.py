@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 from hil.config.plant import DETAILED_MODELS, PlantConfig, PlantEvent, SensorConfig
 from hil.errors import ConfigError
@@ -13,7 +13,8 @@ from plant.disturbances import Edge, compile_edges
 from plant.nonlinear import CONTACT_GAP_M
 
 if TYPE_CHECKING:
-    from plant.detailed.plant import DetailedPlant
+    from plant.events import Event
+    from plant.state import Command, PlantState
 
 SECOND_NS = 1_000_000_000
 
@@ -37,6 +38,20 @@ class Engine(NamedTuple):
     restitution: float
 
 
+class WholePlant(Protocol):
+    """An engine that solves its ticks itself, with pulses, machine and disturbances."""
+
+    def initial(
+        self, p: PlantParams, rest: PlantState, fuel_kg: float | None, load_n_s_m: float | None
+    ) -> PlantState:
+        """Begin at rest when `fuel_kg` is None, else at the left dead centre of settled running."""
+
+    def step(
+        self, p: PlantParams, s: PlantState, command: Command | None
+    ) -> tuple[PlantState, tuple[Event, ...]]:
+        """Integrate exactly one tick with the command now in force."""
+
+
 class PlantParams(NamedTuple):
     """Everything constant in a run."""
 
@@ -58,7 +73,7 @@ class PlantParams(NamedTuple):
     events: tuple[PlantEvent, ...]
     edges: tuple[Edge, ...]
     delay_ticks: int = 0
-    detailed: DetailedPlant | None = None
+    detailed: WholePlant | None = None
 
 
 def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Engine:
@@ -79,12 +94,13 @@ def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Eng
     )
 
 
-def _detailed(config: PlantConfig) -> DetailedPlant | None:
-    """Build the compiled engine of a detailed model; its library is not needed for any other."""
-    if config.model not in DETAILED_MODELS:
-        return None
-    module = import_module("plant.detailed.plant")
-    return cast("DetailedPlant", module.build(config))
+_WHOLE = dict.fromkeys(DETAILED_MODELS, "plant.detailed.plant") | {"fmu": "plant.fmu.plant"}
+
+
+def _whole(config: PlantConfig) -> WholePlant | None:
+    """Build the engine of a model that solves its ticks itself; no other needs its library."""
+    module = _WHOLE.get(config.model)
+    return None if module is None else cast(WholePlant, import_module(module).build(config))
 
 
 def plant_params(
@@ -122,5 +138,5 @@ def plant_params(
         events=tuple(named.values()),
         edges=compile_edges(tuple(named.values())),
         delay_ticks=config.command_delay_ticks,
-        detailed=_detailed(config),
+        detailed=_whole(config),
     )

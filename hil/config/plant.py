@@ -23,11 +23,14 @@ from hil.prototypes import (
     TemperatureK,
 )
 
-Model = Literal[
+OwnModel = Literal[
     "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting"
 ]
+Model = Literal[OwnModel, "fmu"]
 DETAILED_MODELS = ("two-stroke", "four-stroke", "starting")
 """Models of the gas in full: compiled, with a calibration of their own."""
+
+_FMU = "fmu:"
 
 Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -79,12 +82,27 @@ class InjectorConfig(_Strict):
     flow_scale_right: FlowScale = 1.0
 
 
+class FmuConfig(_Strict):
+    """A Functional Mock-up Unit as the engine: `model = "fmu"`, or `model = "fmu:FILE"`.
+
+    like: the model of ours whose fuel, set point, load and spark a run with the unit begins with
+    names: the contract's names by the unit's own ones; parameters: start values, in its own units
+    """
+
+    file: str = ""
+    sha256: str = ""
+    like: OwnModel = "harmonic"
+    names: dict[str, str] = Field(default_factory=dict)
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+
 class PlantConfig(_Strict):
     """Which engine, which model of it, and its actuators and sensors."""
 
     prototype: Literal["nu", "bit"] = "nu"
     model: Model = "harmonic"
     load_coefficient_n_s_m: LoadCoefficient | None = None
+    fmu: FmuConfig = FmuConfig()
     engine: EngineOverrides = EngineOverrides()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
@@ -94,6 +112,23 @@ class PlantConfig(_Strict):
     command_delay_ticks: Annotated[
         int, Field(ge=0, le=20, description="ticks by which commands act later than the wire's one")
     ] = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _model_with_file(cls, given: Any) -> Any:  # noqa: ANN401
+        """Read `fmu:FILE` as the model fmu and its file."""
+        model = given.get("model") if isinstance(given, dict) else None
+        if not isinstance(model, str) or not model.startswith(_FMU):
+            return given
+        fmu = given.get("fmu") or {}
+        file = model.removeprefix(_FMU)
+        return given | {"model": "fmu", "fmu": {**fmu, "file": file} if file else fmu}
+
+    @model_validator(mode="after")
+    def _unit_has_a_file(self) -> Self:
+        if (self.model == "fmu") != bool(self.fmu.file):
+            raise ValueError("model = 'fmu:FILE.fmu' needs a file, and fmu.file needs model 'fmu'")
+        return self
 
     def resolved_prototype(self) -> Prototype:
         """Return the prototype with this configuration's replacements, checked as a whole."""

@@ -1,0 +1,63 @@
+"""A tick's orders for a plant that solves its motion elsewhere: machine, pulses, silence."""
+
+from __future__ import annotations
+
+from plant import actuation
+from plant.actuation import NEVER_NS, Injector
+from plant.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
+from plant.machine import MachineOrder, obey, objection, safe_order
+from plant.params import PlantParams
+from plant.state import Command, PlantState
+
+
+def follow(
+    p: PlantParams, s: PlantState, command: Command | None, events: list[Event]
+) -> PlantState:
+    """Take a tick's orders, or count the silence when there are none."""
+    return _silence(p, s, events) if command is None else _take(p, s, command, events)
+
+
+def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
+    now_ns = s.tick * p.period_ns
+    if s.stale:
+        if s.stale >= p.stale_ticks:
+            events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
+        s = s._replace(stale=0)
+    order = command.machine
+    if order is not None and order != s.machine.order:
+        s = _reorder(p, s, order, now_ns, events)
+    if not command.may_fire:
+        return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
+    if not command.pulses:
+        return s
+    pulses, refused = actuation.receive(s.pulses, command.pulses, now_ns)
+    for reason, pulse in refused:
+        text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
+        events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
+    return s._replace(pulses=pulses)
+
+
+def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
+    injector = Injector(p.flow_kg_s, p.dead_time_ns)
+    return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
+
+
+def _reorder(
+    p: PlantParams, s: PlantState, order: MachineOrder, now_ns: int, events: list[Event]
+) -> PlantState:
+    reason = objection(order)
+    if reason:
+        events.append(Event(now_ns, ORDER_REFUSED, reason))
+        return s
+    return s._replace(machine=obey(p, order, s.disturbances.load_scale))
+
+
+def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Count the silence; when it has lasted, brake, and close the injectors."""
+    s = s._replace(stale=s.stale + 1)
+    if s.stale != p.stale_ticks:
+        return s
+    now_ns = s.tick * p.period_ns
+    text = f"no valid command for {s.stale} ticks: injectors closed, ignition off, machine braking"
+    events.append(Event(now_ns, SAFE_STATE, text))
+    return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)
