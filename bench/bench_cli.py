@@ -64,6 +64,24 @@ def step(
     raise typer.Exit(run(ticks, out))
 
 
+@app.command()
+def soak(
+    *,
+    minutes: Annotated[float, typer.Option(min=0.1, max=10_000.0, help="How long.")] = 30.0,
+    link: LinkOption = "zenoh",
+    rate: Annotated[int, typer.Option(min=50, max=20_000, help="Ticks a second.")] = 1000,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory of logs, soak.json and soak.png.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,
+) -> None:
+    """Run for a long time; memory, handles and the age of samples must stay flat."""
+    from bench.soak import run
+
+    changes = [("link.kind", link), ("loop.rate_hz", rate)]
+    raise typer.Exit(run(minutes, changes, out, force=force))
+
+
 def register(hil: typer.Typer) -> None:
     """Add the group to `hil`."""
     hil.add_typer(app)
