@@ -13,7 +13,10 @@ INJECTOR_LEFT = 0
 INJECTOR_RIGHT = 1
 SPARK_LEFT = 2
 SPARK_RIGHT = 3
+VALVES = 4
+"""First of the valve lines: intake and exhaust of the left cylinder, then of the right one."""
 CHANNELS = 4
+CHANNELS_WITH_VALVES = 8
 
 LATE = "late"
 OVERLAP = "overlap"
@@ -28,6 +31,7 @@ MAX_AHEAD_US = 1 << 19
 # Openings up to this far back count as past, not as the next turn of the modulus.
 _BACK_US = 1 << 18
 MAX_DURATION_US = 20_000
+MAX_VALVE_US = 65_535
 # An order is sent again until its pulse has closed; this long after, it may still be on its way.
 _REPEAT_NS = 100_000_000
 NEVER_NS = 1 << 62
@@ -93,7 +97,7 @@ def receive(
     set_now: set[int] = set()
     for order in orders:
         channel = order.channel
-        if not 0 <= channel < CHANNELS:
+        if not 0 <= channel < len(lines):
             reason: str = UNKNOWN_CHANNEL
         else:
             line = lines[channel]
@@ -160,7 +164,8 @@ def _withdraw(line: Line, open_ns: int, now_ns: int) -> Line:
 
 def _objection(pulse: Pulse, now_ns: int) -> str:
     """Tell what is wrong with a pulse whatever else its channel does."""
-    if pulse.order.duration_us > MAX_DURATION_US:
+    longest = MAX_DURATION_US if pulse.order.channel < VALVES else MAX_VALVE_US
+    if pulse.order.duration_us > longest:
         return TOO_LONG
     if pulse.open_ns - now_ns > MAX_AHEAD_US * 1000:
         return TOO_FAR_AHEAD
@@ -201,7 +206,7 @@ def _opens_by(line: Line, t_ns: int) -> bool:
 
 def _open(table: PulseTable, channel: int, line: Line) -> PulseTable:
     lines = _with(table.lines, channel, line._replace(open=line.pending, pending=None))
-    if line.pending is None or channel < SPARK_LEFT:
+    if line.pending is None or not SPARK_LEFT <= channel < VALVES:
         return table._replace(lines=lines)
     return table._replace(
         lines=lines, spark_ns=_set(table.spark_ns, channel - SPARK_LEFT, line.pending.open_ns)

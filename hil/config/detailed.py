@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tomllib
 from importlib.resources import files
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from hil.config.base import Section
 from hil.errors import ConfigError
@@ -28,12 +28,20 @@ class Gas(Section):
     ambient_k: Kelvin
 
 
+class Spring(Section):
+    """A mechanical spring on the mover, relaxed at a position of it."""
+
+    stiffness_n_m: float = Field(gt=0.0, le=1e7)
+    relaxed_x_m: Position
+
+
 class Mover(Section):
     """The moving mass, and what meets it at the ends."""
 
     mass_kg: float = Field(gt=0.01, le=1000.0)
     contact_gap_m: Metres
     restitution: float = Field(ge=0.0, le=0.95)
+    spring: Spring | None = None
 
 
 class Side(Section):
@@ -41,6 +49,8 @@ class Side(Section):
 
     fill_pa, fill_k: the gas enclosed at x = 0 at the start of a run
     walls: share of the surfaces that take up heat; 0 for an adiabatic gas
+    pistons: 2 for opposed pistons that move as one; their chamber has no head
+    rings: share of one piston's rings; 0 where no piston seals
     """
 
     bore_m: Metres
@@ -48,12 +58,19 @@ class Side(Section):
     wall_k: Kelvin
     walls: float = Field(default=1.0, ge=0.0, le=1.0)
     leak_m2: SquareMetres
+    pistons: int = Field(default=1, ge=1, le=2)
+    rings: float = Field(default=1.0, ge=0.0, le=4.0)
     fill_pa: Pascal
     fill_k: Kelvin
 
 
 class Breathing(Section):
-    """Valves or ports with a step profile: opening area C_d pi D L, and the gas beyond them."""
+    """Valves or ports with a step profile: opening area C_d pi D L, and the gas beyond them.
+
+    ports: opened and closed by the piston itself; there are no valve lines
+    """
+
+    ports: bool = False
 
     intake_diameter_m: Metres
     exhaust_diameter_m: Metres
@@ -109,23 +126,48 @@ class Circuit(Section):
     pole_pitch_m: float | None = Field(default=None, gt=1e-3, le=1.0)
 
 
+class Dq(Section):
+    """Three-phase machine in dq coordinates (App. I eqs. 22, 23) on current regulators.
+
+    regulator_s: time constant of the regulators; supply_v: greatest phase voltage
+    """
+
+    thrust_n_a: float = Field(gt=0.0, le=1e4)
+    resistance_ohm: float = Field(ge=0.0, le=1e3)
+    inductance_h: float = Field(gt=1e-6, le=10.0)
+    pole_pitch_m: float = Field(gt=1e-3, le=1.0)
+    regulator_s: float = Field(gt=1e-5, le=0.1)
+    supply_v: float = Field(gt=0.0, le=1e5)
+
+
 class Machine(Section):
-    """Linear machine: load constant (3.56), or a circuit."""
+    """Linear machine: load constant (3.56), a circuit, or a dq machine."""
 
     load_coefficient_n_s_m: float = Field(ge=0.0, le=10_000.0)
     peak_force_n: float = Field(ge=0.0, le=20_000.0)
     start_force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
     circuit: Circuit | None = None
+    dq: Dq | None = None
+
+    @model_validator(mode="after")
+    def _is_one_machine(self) -> Self:
+        if self.circuit is not None and self.dq is not None:
+            raise ValueError("circuit and dq are two kinds of machine; accepted is one")
+        return self
 
 
 class Cycle(Section):
     """Valve, spark and machine events by distance from the head they belong to.
 
     four-stroke: forces of Table 4.2, along the motion, and positions at which motor 2 and motor 4
-    take over; motoring: `start_force_n` along the motion, no ignition
+    take over; motoring: `start_force_n` along the motion, no ignition; speed: the machine holds
+    `speed_m_s` between two positions (Table 4.1), no ignition
+    fires: both cylinders, or the left one alone against a spring on the right; the four strokes are
+    then intake, compression, power, exhaust of the left one, and the machine drives the first
     """
 
-    kind: Literal["two-stroke", "four-stroke", "motoring"]
+    kind: Literal["two-stroke", "four-stroke", "motoring", "speed"]
+    fires: Literal["both", "left"] = "both"
     ignition_from_head_m: Metres
     ignition_least_pa: Pascal = 4.0e5
     exhaust_opens_m: Metres | None = None
@@ -139,6 +181,10 @@ class Cycle(Section):
     motor_4_n: Newton = 0.0
     switch_1_m: Position = 0.0
     switch_4_m: Position = 0.0
+    speed_m_s: float = Field(default=0.2, gt=0.0, le=10.0)
+    turn_at_m: Metres = 0.018
+    acceleration_m_s2: float = Field(default=1000.0, gt=0.0, le=1e5)
+    servo_s: float = Field(default=5.0e-4, gt=1e-5, le=0.1)
 
 
 class Running(Section):

@@ -15,7 +15,7 @@ try:
 except ImportError:
     raise MissingExtraError("numba", "detailed", "the detailed engine") from None
 
-_SOURCES = ("compiler", "layout", "types", "gas", "kernel", "programme", "solver")
+_SOURCES = ("compiler", "layout", "types", "gas", "machine", "kernel", "programme", "solver")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

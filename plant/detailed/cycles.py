@@ -15,8 +15,12 @@ _FROM_THE_START = at.NEVER
 
 def programme_of(c: Calibration, *, self_timed: bool) -> Array:
     """Programme of a cycle, shape (strokes, entries, 3); an action of 0 ends a row."""
-    kinds = {"two-stroke": _two_stroke, "four-stroke": _four_stroke, "motoring": _motoring}
-    rows = kinds[c.cycle.kind](c, self_timed)
+    kinds = {"two-stroke": _two_stroke, "four-stroke": _four_stroke, "motoring": _motoring,
+             "speed": _speed}  # fmt: skip
+    if c.cycle.kind == "four-stroke" and c.cycle.fires == "left":
+        rows = _single_four_stroke(c, self_timed)
+    else:
+        rows = kinds[c.cycle.kind](c, self_timed)
     table = np.zeros((len(rows), max(len(row) for row in rows) + 1, 3))
     for number, row in enumerate(rows):
         ordered = sorted(row, reverse=number % 2 == 1)
@@ -65,6 +69,8 @@ def _two_stroke(c: Calibration, self_timed: bool) -> list[list[Entry]]:
     rows: list[list[Entry]] = []
     for opening, closing in ((_LEFT, _RIGHT), (_RIGHT, _LEFT)):
         rows.append(_expansion(c, opening) + _compression(c, closing, self_timed))
+    if c.cycle.fires == "left":
+        return [_expansion(c, _LEFT), _compression(c, _LEFT, self_timed)]
     return rows
 
 
@@ -73,6 +79,44 @@ def _motoring(c: Calibration, self_timed: bool) -> list[list[Entry]]:
     if self_timed:
         for number, row in enumerate(rows):
             row.append(_at_once(number, at.MOTOR, c.cycle.start_force_n))
+    return rows
+
+
+def _speed(c: Calibration, self_timed: bool) -> list[list[Entry]]:
+    """Hold a speed up to where it can still be turned round, then the opposite one (Table 4.1)."""
+    cycle, rows = c.cycle, _two_stroke(c, False)
+    turn = cycle.turn_at_m - cycle.speed_m_s**2 / (2.0 * cycle.acceleration_m_s2)
+    for number, row in enumerate(rows):
+        sign = 1.0 - 2.0 * number
+        row.append(_at_once(number, at.HOLD_SPEED, sign * cycle.speed_m_s))
+        row.append((sign * turn, at.HOLD_SPEED, -sign * cycle.speed_m_s))
+    return rows
+
+
+def _single_four_stroke(c: Calibration, self_timed: bool) -> list[list[Entry]]:
+    """Intake driven by the machine, compression by the spring, power, exhaust by the spring.
+
+    Motor 1 drives the intake to switch_1; the generator takes from the power stroke, and from the
+    exhaust stroke beyond switch_4, where the spring would drive the piston onto the head.
+    """
+    cycle, load = c.cycle, c.machine.load_coefficient_n_s_m
+    rows: list[list[Entry]] = [
+        [
+            _at_once(0, at.MOTOR, cycle.motor_1_n),
+            (cycle.switch_1_m, at.MOTOR, cycle.motor_2_n),
+            _at_once(0, at.CLOSE_EXHAUST, 1.0),
+            _at_once(0, at.OPEN_INTAKE, 1.0),
+        ],
+        [_at_once(1, at.MOTOR, cycle.motor_3_n), _at_once(1, at.CLOSE_INTAKE, 1.0)],
+        [_at_once(2, at.GENERATE, load)],
+        [
+            _at_once(3, at.GENERATE, load),
+            _at_once(3, at.OPEN_EXHAUST, 1.0),
+            (cycle.switch_4_m, at.MOTOR, cycle.motor_4_n),
+        ],
+    ]
+    if self_timed:
+        rows[1] += _entry(c, _LEFT, cycle.ignition_from_head_m, at.IGNITE)
     return rows
 
 

@@ -44,6 +44,7 @@ def engine_of(c: Calibration, *, throttle: float = 1.0, self_timed: bool = True)
     p = np.zeros(at.N_P)
     _gas(c, p)
     _mechanics(c, p)
+    _machine(c, p)
     for number, side in enumerate((c.left, c.right)):
         _side(c, side, p, number, throttle)
     return Engine(c, p, programme_of(c, self_timed=self_timed), c.heat.energy_j * throttle)
@@ -81,31 +82,46 @@ def _mechanics(c: Calibration, p: Array) -> None:
     p[at.CONTACT_GAP], p[at.RESTITUTION] = c.mover.contact_gap_m, c.mover.restitution
     friction = c.friction
     warmth = (friction.oil_c - friction.oil_reference_c) / friction.oil_reference_c
-    size = c.left.bore_m / friction.bore_reference_m
-    p[at.RING] = friction.f * friction.a_f * (1.0 - friction.b_f * warmth) * size
+    for number, side in enumerate((c.left, c.right)):
+        size = side.bore_m / friction.bore_reference_m * side.rings * side.pistons
+        ring = friction.f * friction.a_f * (1.0 - friction.b_f * warmth) * size
+        p[at.CYL_P + number * at.CYL_P_STRIDE + at.RING] = ring
     p[at.RING_PRESSURE] = friction.k_v / friction.p_reference_pa
     p[at.F_MACHINE] = friction.machine_n
     p[at.STEP_S] = c.running.step_s
-    p[at.PEAK_FORCE] = c.machine.peak_force_n
+    if c.mover.spring is not None:
+        p[at.SPRING], p[at.SPRING_X] = c.mover.spring.stiffness_n_m, c.mover.spring.relaxed_x_m
     if c.pump is not None:
         p[at.PUMP] = 1.0
         p[at.CASE_VOLUME], p[at.CASE_AREA] = c.pump.volume_m3, c.pump.area_m2
         p[at.CASE_REED] = c.pump.reed_m2
-    circuit = c.machine.circuit
+
+
+def _machine(c: Calibration, p: Array) -> None:
+    p[at.PEAK_FORCE] = c.machine.peak_force_n
+    p[at.SERVO], p[at.SERVO_A] = 1.0 / c.cycle.servo_s, c.cycle.acceleration_m_s2
+    circuit, dq = c.machine.circuit, c.machine.dq
     if circuit is not None:
-        p[at.CIRCUIT] = 1.0
+        p[at.MACHINE] = at.CIRCUIT
         p[at.K_FORCE], p[at.K_EMF] = circuit.thrust_n_a, circuit.emf_v_s_m
         p[at.INDUCTANCE] = circuit.inductance_h
         p[at.INV_CAPACITANCE] = 1.0 / circuit.capacitance_f if circuit.capacitance_f else 0.0
         p[at.POLE_PITCH] = circuit.pole_pitch_m or 0.0
+    elif dq is not None:
+        p[at.MACHINE] = at.DQ
+        p[at.K_FORCE], p[at.RESISTANCE] = dq.thrust_n_a, dq.resistance_ohm
+        p[at.INDUCTANCE], p[at.POLE_PITCH] = dq.inductance_h, dq.pole_pitch_m
+        p[at.REGULATOR], p[at.SUPPLY] = 1.0 / dq.regulator_s, dq.supply_v
 
 
 def _side(c: Calibration, side: Side, p: Array, number: int, throttle: float) -> None:
     b = at.CYL_P + number * at.CYL_P_STRIDE
-    area = math.pi * side.bore_m**2 / 4.0
+    area = side.pistons * math.pi * side.bore_m**2 / 4.0
     p[b + at.SIGN] = 1.0 - 2.0 * number
     p[b + at.AREA], p[b + at.LENGTH] = area, side.length_m
-    p[b + at.END_AREA], p[b + at.PERIMETER] = 2.0 * area, math.pi * side.bore_m
+    crowns_and_heads = 2.0 / side.pistons
+    p[b + at.END_AREA] = crowns_and_heads * area
+    p[b + at.PERIMETER] = side.pistons * math.pi * side.bore_m
     p[b + at.T_WALL], p[b + at.WALL] = side.wall_k, side.walls
     p[b + at.CDA_LEAK] = side.leak_m2
     air = c.breathing
@@ -153,9 +169,10 @@ def running(engine: Engine) -> Motion:
     y, d = motion.y, motion.d
     _fill(engine.p, y, 0, r.start_left_pa, r.start_left_k)
     _fill(engine.p, y, 1, r.start_right_pa, r.start_right_k)
-    if engine.calibration.cycle.kind == "four-stroke":
+    cycle = engine.calibration.cycle
+    if cycle.kind == "four-stroke":
         d[at.PHASE] = 2.0
-    else:
+    elif cycle.fires == "both":
         d[at.CYL + at.CYL_STRIDE + at.INTAKE] = d[at.CYL + at.CYL_STRIDE + at.EXHAUST] = 1.0
     d[at.CYL + at.SPARK_T], d[at.CYL + at.Q_IN] = -r.start_spark_s, engine.energy_j
     d[at.LOAD] = engine.calibration.machine.load_coefficient_n_s_m

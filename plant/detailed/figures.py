@@ -75,6 +75,11 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
     tdc = float(np.mean(np.abs(inner[_compressed(engine, inner), at.REC_X])))
     path = float(np.sum(np.abs(np.diff(rows[:, at.REC_X]))))
     indicated = _both(powers, at.W_GAS)
+    spring, pressures = 0.0, 2
+    if engine.calibration.cycle.fires == "left":
+        pressures = 1
+        indicated = float(powers[at.SUM + at.W_GAS])
+        spring = float(powers[at.SUM + at.SUM_STRIDE + at.W_GAS])
     fuel = _both(powers, at.Q_FUEL)
     friction, motoring = float(powers[at.W_FRICTION]), float(powers[at.P_MOTOR])
     pump = float(powers[at.W_CASE])
@@ -83,11 +88,11 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
         speed_rpm=60.0 * 0.5 * len(inner) / seconds,
         v_max_m_s=float(np.max(inner[:, at.REC_V_MAX])),
         v_mean_m_s=path / seconds,
-        p_max_pa=float(np.max(inner[:, at.REC_P_LEFT : at.REC_P_RIGHT + 1])),
+        p_max_pa=float(np.max(inner[:, at.REC_P_LEFT : at.REC_P_LEFT + pressures])),
         compression_ratio=compressed_from_m(engine) / (c.left.length_m - tdc),
         tdc_m=tdc,
         indicated_w=indicated,
-        electric_w=indicated - friction - motoring + pump,
+        electric_w=indicated + spring - friction - motoring + pump,
         motoring_w=motoring,
         friction_w=friction,
         heat_w=_both(powers, at.Q_WALL),
@@ -103,8 +108,11 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
 
 
 def _compressed(engine: Engine, rows: Array) -> NDArray[np.bool_]:
-    """Tell which dead centres end a compression: two of the four of a four-stroke engine."""
-    if engine.calibration.cycle.kind != "four-stroke":
+    """Tell which dead centres end a compression of a charge."""
+    cycle = engine.calibration.cycle
+    if cycle.fires == "left":
+        return np.equal(rows[:, at.REC_PHASE], 1.0)
+    if cycle.kind != "four-stroke":
         return np.ones(len(rows), dtype=bool)
     return np.isin(rows[:, at.REC_PHASE], (1.0, 2.0))
 

@@ -1,4 +1,4 @@
-"""Right-hand side of the engine, compiled: eqs. 3.1, 3.4, 3.5, 3.12 to 3.18, 3.54, App. I 21.
+"""Right-hand side of the engine, compiled: eqs. 3.1, 3.4, 3.5, 3.12 to 3.18, App. I 21.
 
 Internal energy and mass are the states of a gas, not pressure: what flows out of one balance then
 flows into another with the same weights in every Runge-Kutta stage, and both sums are kept.
@@ -11,6 +11,7 @@ import math
 from plant.detailed import layout as at
 from plant.detailed.compiler import compiled
 from plant.detailed.gas import flow, heat_release, heat_to_wall
+from plant.detailed.machine import machine_force
 from plant.detailed.types import Array
 
 _CREEP_M_S = 1.0e-6
@@ -118,45 +119,17 @@ def pump(p: Array, d: Array, y: Array, out: Array, c: int) -> float:
 
 
 @compiled
-def machine_force(p: Array, d: Array, y: Array, out: Array) -> float:
-    """Force of the machine: -c v + F (3.56, App. I 24), or -K i of the circuit (3.51, 3.54)."""
-    x, v = y[at.X], y[at.V]
-    limit = p[at.PEAK_FORCE]
-    motor = min(max(d[at.FORCE], -limit), limit)
-    load = d[at.LOAD] * d[at.LOAD_SCALE]
-    brake = -load * v
-    if p[at.CIRCUIT] != 0.0:
-        shape = 1.0
-        if p[at.POLE_PITCH] > 0.0:
-            shape = math.cos(math.pi * x / p[at.POLE_PITCH])
-        brake = 0.0
-        if load > 0.0:
-            i = y[at.CURRENT]
-            brake = -p[at.K_FORCE] * shape * i
-            total = p[at.K_FORCE] * p[at.K_EMF] / load
-            emf = p[at.K_EMF] * shape * v
-            drop = total * i + p[at.INV_CAPACITANCE] * y[at.CHARGE]
-            out[at.CURRENT] = (emf - drop) / p[at.INDUCTANCE]
-            out[at.CHARGE] = i
-    out[at.W_GENERATED] = -brake * v
-    out[at.W_MOTORED] = motor * v
-    out[at.P_MOTOR] = abs(motor * v)
-    return float(brake + motor)
-
-
-@compiled
-def ring_friction(p: Array, v: float, p_gas: float) -> float:
+def ring_friction(p: Array, c: int, v: float, p_gas: float) -> float:
     """Size of f A_f sqrt|v| [1 - B_f (E - th0)/th0] (1 + K_v p/p0) d/d0     (thesis eq. 3.4)."""
     speed = abs(v)
     root = math.sqrt(speed) if speed > _CREEP_M_S else speed / math.sqrt(_CREEP_M_S)
-    return float(p[at.RING] * root * (1.0 + p[at.RING_PRESSURE] * p_gas))
+    ring = p[at.CYL_P + c * at.CYL_P_STRIDE + at.RING]
+    return float(ring * root * (1.0 + p[at.RING_PRESSURE] * p_gas))
 
 
 @compiled
 def rates(p: Array, d: Array, y: Array, out: Array, t: float) -> None:
     """Write dy/dt into `out`; m x'' = sum of the forces     (thesis eq. 3.1, App. I 1)."""
-    for k in range(at.CURRENT, at.CHARGE + 1):
-        out[k] = 0.0
     for k in range(at.CASE_U, at.CURRENT):
         out[k] = 0.0
     out[at.H_REED] = out[at.M_REED] = out[at.W_CASE] = 0.0
@@ -167,10 +140,11 @@ def rates(p: Array, d: Array, y: Array, out: Array, t: float) -> None:
     if p[at.PUMP] != 0.0:
         force -= p[at.CASE_AREA] * (pump(p, d, y, out, 0) - pump(p, d, y, out, 1))
     force += p[at.P_AMBIENT] * (p[at.CYL_P + at.CYL_P_STRIDE + at.AREA] - p[at.CYL_P + at.AREA])
-    force += machine_force(p, d, y, out)
+    force -= p[at.SPRING] * (y[at.X] - p[at.SPRING_X])
     v, direction = y[at.V], d[at.DIRECTION]
     friction = p[at.F_MACHINE]
-    friction += ring_friction(p, v, p_left) + ring_friction(p, v, p_right)
+    friction += ring_friction(p, 0, v, p_left) + ring_friction(p, 1, v, p_right)
+    force += machine_force(p, d, y, out, force - direction * friction)
     out[at.X] = v
     out[at.V] = (force - direction * friction) / p[at.MASS]
     out[at.W_FRICTION] = direction * friction * v

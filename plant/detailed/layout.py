@@ -15,13 +15,17 @@ U, M, GAS_STRIDE = 2, 3, 2
 CASE_U, CASE_M = 6, 7
 """The same of the scavenging pumps: 6, 7 under the left piston, 8, 9 under the right."""
 CURRENT, CHARGE = 10, 11
+"""Of a circuit, current and charge; of a dq machine, i_q and i_d [A]."""
 
 # --- y: integrals, for the balances (per cylinder, then of the whole engine) ------------------
 SUM, SUM_STRIDE = 12, 9
 Q_FUEL, Q_WALL, W_GAS, H_IN, H_EX, H_LEAK, M_IN, M_EX, M_LEAK = range(9)
-(W_GENERATED, W_MOTORED, W_FRICTION, H_REED, M_REED, W_CASE, P_MOTOR) = range(30, 37)
-"""P_MOTOR: size of the motor's power, driving or braking (thesis eq. 4.2)."""
-N_Y: Final = 37
+(W_GENERATED, W_MOTORED, W_FRICTION, H_REED, M_REED, W_CASE, P_MOTOR, Q_COPPER, W_TERMINAL) = range(
+    30, 39
+)
+"""P_MOTOR: size of the motor's power, driving or braking (thesis eq. 4.2); Q_COPPER: heat of the
+winding, with a circuit also of its load; W_TERMINAL: what a dq machine takes from its supply."""
+N_Y: Final = 39
 
 # --- d: events and orders ------------------------------------------------------------------
 (
@@ -40,8 +44,9 @@ N_Y: Final = 37
     ROWS,  # rows of the record that have been written
     ENERGY,  # energy that the next ignition by position releases [J]
     LOAD_SCALE,
-) = range(15)
-CYL, CYL_STRIDE = 15, 8
+    SPEED_REF,  # speed that a servo holds [m/s]; 0: the machine gives a force
+) = range(16)
+CYL, CYL_STRIDE = 16, 10
 (
     INTAKE,  # 1 open
     EXHAUST,
@@ -51,9 +56,13 @@ CYL, CYL_STRIDE = 15, 8
     P_OLD,  # pressure and its rate at the start of the step before
     DP_OLD,
     P_MAX_T,
-) = range(8)
+    INTAKE_LINE,  # 1: this valve follows its TTL line, no longer the piston
+    EXHAUST_LINE,
+) = range(10)
 N_D: Final = CYL + 2 * CYL_STRIDE
 NEVER: Final = 1.0e30
+LOAD_CONSTANT, CIRCUIT, DQ = range(3)
+"""Kinds of linear machine: eq. 3.56, eq. 3.54, App. I eqs. 22 and 23."""
 
 # --- p: constants --------------------------------------------------------------------------
 (
@@ -63,7 +72,6 @@ NEVER: Final = 1.0e30
     P_AMBIENT,
     T_AMBIENT,
     HOHENBERG,  # 130 hk 1e5^-0.8
-    RING,  # f A_f (1 - B_f (E - theta0)/theta0) d/d0 (eq. 3.4)
     RING_PRESSURE,  # K_v / p_0 [1/Pa]
     F_MACHINE,  # F_fm [N]
     WIEBE_A,
@@ -80,19 +88,25 @@ NEVER: Final = 1.0e30
     CASE_VOLUME,  # of a pump at mid-stroke [m3]
     CASE_AREA,
     CASE_REED,  # C_d A of its inlet [m2]
-    CIRCUIT,  # 0: load constant (3.56); 1: circuit with inductance (3.54)
+    MACHINE,  # what kind of linear machine
     K_FORCE,
     K_EMF,
-    RESISTANCE,
+    RESISTANCE,  # of a phase of the dq machine
     INDUCTANCE,
     INV_CAPACITANCE,
-    POLE_PITCH,  # 0: thrust constant everywhere; else K cos(pi x / tau) (3.50, 3.51)
+    POLE_PITCH,  # of a circuit, 0: thrust constant everywhere; else K cos(pi x / tau) (3.50, 3.51)
+    REGULATOR,  # 1 / time constant of the current regulators [1/s]
+    SUPPLY,  # greatest phase voltage [V]
+    SPRING,  # stiffness of a mechanical spring [N/m]
+    SPRING_X,  # where it is relaxed
+    SERVO,  # how fast a servo corrects its speed [1/s]
+    SERVO_A,  # its greatest acceleration [m/s2]
     CONTACT_GAP,
     RESTITUTION,
     PEAK_FORCE,
     BURNT_S,  # after this, exp(-60) of the charge is left
-) = range(34)
-CYL_P, CYL_P_STRIDE = 34, 14
+) = range(39)
+CYL_P, CYL_P_STRIDE = 39, 15
 (
     SIGN,  # gap = LENGTH + SIGN x
     AREA,
@@ -108,7 +122,8 @@ CYL_P, CYL_P_STRIDE = 34, 14
     P_EX,
     T_EX,
     WALL,  # share of the wall that takes up heat; 0 for an adiabatic gas
-) = range(14)
+    RING,  # f A_f (1 - B_f (E - theta0)/theta0) d/d0 (eq. 3.4)
+) = range(15)
 N_P: Final = CYL_P + 2 * CYL_P_STRIDE
 
 # --- the programme: what happens at which position of which stroke -------------------------
@@ -121,7 +136,8 @@ N_P: Final = CYL_P + 2 * CYL_P_STRIDE
     IGNITE,
     MOTOR,
     GENERATE,
-) = range(8)
+    HOLD_SPEED,
+) = range(9)
 """Actions on a cylinder are the code + 100 * cylinder."""
 BY_CYLINDER: Final = 100
 

@@ -9,26 +9,18 @@ import numpy as np
 
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
-from plant import actuation, disturbances
-from plant.actuation import NEVER_NS, Injector
+from plant import actuation, disturbances, orders
+from plant.actuation import Injector, Line, PulseTable
 from plant.combustion import SIDES, Stroke, efficiency
 from plant.detailed import layout as at
 from plant.detailed.engine import Engine, Motion, at_rest, begin, engine_of
+from plant.detailed.machine import machine_force
 from plant.detailed.settle import calibration_of, settle
 from plant.detailed.solver import advance, scratch
 from plant.detailed.types import Array, GasState
 from plant.disturbances import Due, Held
-from plant.events import (
-    CONTACT,
-    DISTURBANCE,
-    MISFIRE,
-    ORDER_REFUSED,
-    PULSE_REFUSED,
-    SAFE_STATE,
-    SAFE_STATE_LEFT,
-    Event,
-)
-from plant.machine import GENERATOR, MachineOrder, obey, objection, safe_order
+from plant.events import CONTACT, DISTURBANCE, MISFIRE, Event
+from plant.machine import GENERATOR, MachineOrder, obey
 from plant.params import PlantParams
 from plant.state import Command, DeadCentre, PlantState
 
@@ -61,6 +53,9 @@ class DetailedPlant:
         self, p: PlantParams, rest: PlantState, fuel_kg: float | None, load_n_s_m: float | None
     ) -> PlantState:
         """Begin at rest when `fuel_kg` is None, else at the left dead centre of settled running."""
+        if not self.engine.calibration.breathing.ports:
+            lines = (Line(),) * actuation.CHANNELS_WITH_VALVES
+            rest = rest._replace(pulses=PulseTable(lines=lines))
         if fuel_kg is None:
             y, d, _ = at_rest(self.engine)
             gas = GasState(b"", b"", 0.0, 1.0, _FIRST_STROKE_S, 0.0, 0.0, 0.0)
@@ -85,7 +80,7 @@ class DetailedPlant:
     ) -> tuple[PlantState, tuple[Event, ...]]:
         """Integrate exactly one tick with the command now in force."""
         events: list[Event] = []
-        s = _silence(p, s, events) if command is None else _take(p, s, command, events)
+        s = orders.follow(p, s, command, events)
         gas = _gas(s)
         y, d = np.frombuffer(gas.y).copy(), np.frombuffer(gas.d).copy()
         s = self._through(p, s, y, d, events)
@@ -100,6 +95,7 @@ class DetailedPlant:
         injector = Injector(p.flow_kg_s, p.dead_time_ns)
         while True:
             self._impose(s, d)
+            _set_valves(s.pulses, d)
             due_ns = s.stroke.start_ns + s.disturbances.due_s * _SECOND_NS
             until_ns = min(float(end_ns), float(s.pulses.next_edge_ns), due_ns)
             if self._move(y, d, until_ns):
@@ -208,16 +204,26 @@ class DetailedPlant:
         volume = p[b + at.AREA] * (p[b + at.LENGTH] + p[b + at.SIGN] * y[at.X])
         return float((p[at.GAMMA] - 1.0) * y[at.U + at.GAS_STRIDE * side] / volume)
 
+    def _power(self, y: Array, d: Array) -> float:
+        """Tell what the machine delivers: a dq machine at its terminals, any other on the mover."""
+        v = float(y[at.V])
+        if self.engine.p[at.MACHINE] == at.LOAD_CONSTANT:
+            return float((d[at.LOAD] * d[at.LOAD_SCALE] * v - d[at.FORCE]) * v)
+        rates = self._work[7]
+        machine_force(self.engine.p, d, y, rates, 0.0)
+        if self.engine.p[at.MACHINE] == at.DQ:
+            return -float(rates[at.W_TERMINAL])
+        return float(rates[at.W_GENERATED] - rates[at.W_MOTORED])
+
     def _finish(self, s: PlantState, y: Array, d: Array) -> PlantState:
         """Put the arrays back into the state, with what the sensors are to see."""
         v = float(y[at.V])
-        power = (d[at.LOAD] * d[at.LOAD_SCALE] * v - d[at.FORCE]) * v
         gas = _gas(s)._replace(
             y=y.tobytes(),
             d=d.tobytes(),
             p_left_pa=self._pressure(y, 0),
             p_right_pa=self._pressure(y, 1),
-            electric_power_w=float(power),
+            electric_power_w=self._power(y, d),
         )
         direction = int(d[at.DIRECTION])
         stroke = s.stroke
@@ -227,6 +233,20 @@ class DetailedPlant:
             x_m=float(y[at.X]), v_m_s=v, gas=gas, stroke=stroke, moving=direction != 0,
             tau_s=float(d[at.T]) - stroke.start_ns / _SECOND_NS,
         )  # fmt: skip
+
+
+def _set_valves(pulses: PulseTable, d: Array) -> None:
+    """Let each valve follow its TTL line from the line's first pulse on, and no longer the piston.
+
+    A step profile: open while the line is high (thesis section 3.3.3).
+    """
+    for number, line in enumerate(pulses.lines[actuation.VALVES :]):
+        if line.open is None and line.last is None:
+            continue
+        side, valve = divmod(number, 2)
+        e = at.CYL + side * at.CYL_STRIDE
+        d[e + at.INTAKE_LINE + valve] = 1.0
+        d[e + at.INTAKE + valve] = 0.0 if line.open is None else 1.0
 
 
 def _gas(s: PlantState) -> GasState:
@@ -257,51 +277,3 @@ def _take_due(
     text = f"{p.names[due.event]} ({p.events[due.event].kind}) {what}"
     events.append(Event(t_ns, DISTURBANCE, text))
     return s._replace(disturbances=dis, machine=obey(p, s.machine.order, dis.load_scale))
-
-
-def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
-    """Take a valid tick's orders."""
-    now_ns = s.tick * p.period_ns
-    if s.stale:
-        if s.stale >= p.stale_ticks:
-            events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
-        s = s._replace(stale=0)
-    order = command.machine
-    if order is not None and order != s.machine.order:
-        s = _reorder(p, s, order, now_ns, events)
-    if not command.may_fire:
-        return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
-    if not command.pulses:
-        return s
-    pulses, refused = actuation.receive(s.pulses, command.pulses, now_ns)
-    for reason, pulse in refused:
-        text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
-        events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-    return s._replace(pulses=pulses)
-
-
-def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
-    injector = Injector(p.flow_kg_s, p.dead_time_ns)
-    return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
-
-
-def _reorder(
-    p: PlantParams, s: PlantState, order: MachineOrder, now_ns: int, events: list[Event]
-) -> PlantState:
-    """Put a new machine order in force, or refuse it."""
-    reason = objection(order)
-    if reason:
-        events.append(Event(now_ns, ORDER_REFUSED, reason))
-        return s
-    return s._replace(machine=obey(p, order, s.disturbances.load_scale))
-
-
-def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
-    """Count the silence; when it has lasted, brake, and close the injectors."""
-    s = s._replace(stale=s.stale + 1)
-    if s.stale != p.stale_ticks:
-        return s
-    now_ns = s.tick * p.period_ns
-    text = f"no valid command for {s.stale} ticks: injectors closed, ignition off, machine braking"
-    events.append(Event(now_ns, SAFE_STATE, text))
-    return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)

@@ -16,20 +16,29 @@ def perform(p: Array, d: Array, y: Array, code: int, value: float) -> None:
     """Carry out one action."""
     c, action = code // at.BY_CYLINDER, code % at.BY_CYLINDER
     e = at.CYL + c * at.CYL_STRIDE
-    if action in (at.OPEN_INTAKE, at.CLOSE_INTAKE):
-        d[e + at.INTAKE] = 1.0 if action == at.OPEN_INTAKE else 0.0
-    elif action in (at.OPEN_EXHAUST, at.CLOSE_EXHAUST):
-        d[e + at.EXHAUST] = 1.0 if action == at.OPEN_EXHAUST else 0.0
+    if at.OPEN_INTAKE <= action <= at.CLOSE_EXHAUST:
+        move_valve(d, e, action)
     elif action == at.IGNITE and d[at.ENERGY] > 0.0:
         d[e + at.SPARK_T] = d[at.T]
         d[e + at.Q_IN] = d[at.ENERGY] * value
     elif action == at.MOTOR:
         d[at.FORCE] = value * d[at.DIRECTION]
         d[at.LOAD] = 0.0
-        y[at.CURRENT] = y[at.CHARGE] = 0.0
+        if p[at.MACHINE] == at.CIRCUIT:  # which a motoring machine is not part of
+            y[at.CURRENT] = y[at.CHARGE] = 0.0
     elif action == at.GENERATE:
         d[at.FORCE] = 0.0
         d[at.LOAD] = value
+    elif action == at.HOLD_SPEED:
+        d[at.SPEED_REF] = value
+
+
+@compiled
+def move_valve(d: Array, e: int, action: int) -> None:
+    """Open or close a valve of the cylinder at e, unless it follows a TTL line."""
+    valve, closes = (action - at.OPEN_INTAKE) // 2, (action - at.OPEN_INTAKE) % 2
+    if d[e + at.INTAKE_LINE + valve] == 0.0:
+        d[e + at.INTAKE + valve] = 1.0 - closes
 
 
 @compiled

@@ -49,9 +49,13 @@ def stable_step(p: Array, d: Array, y: Array, h: float) -> float:
     """
     fastest = 0.0
     load = d[at.LOAD] * d[at.LOAD_SCALE]
-    if p[at.CIRCUIT] != 0.0 and load > 0.0:
+    if p[at.MACHINE] == at.CIRCUIT and load > 0.0:
         fastest = p[at.K_FORCE] * p[at.K_EMF] / load / p[at.INDUCTANCE]
         fastest = max(fastest, math.sqrt(p[at.INV_CAPACITANCE] / p[at.INDUCTANCE]))
+    elif p[at.MACHINE] == at.DQ:
+        fastest = max(p[at.REGULATOR], p[at.RESISTANCE] / p[at.INDUCTANCE])
+    if d[at.SPEED_REF] != 0.0:
+        fastest = max(fastest, p[at.SERVO])
     for c in range(2):
         e, b = at.CYL + c * at.CYL_STRIDE, at.CYL_P + c * at.CYL_P_STRIDE
         cda = d[e + at.INTAKE] * p[b + at.CDA_IN] + d[e + at.EXHAUST] * p[b + at.CDA_EX]

@@ -62,7 +62,8 @@ def test_heat_to_the_wall_is_hohenbergs():
     v_p, gap, p_gas, t_gas = 2.0, 0.005, 30e5, 1500.0
     area, bore = math.pi * 0.05**2 / 4, 0.05
     h = 130 * (area * gap) ** -0.06 * 30**0.8 * t_gas**-0.4 * (v_p + 1.4) ** 0.8
-    expected = 0.5 * h * (2 * area + math.pi * bore * gap) * (t_gas - 420.0)
+    h *= read("nu-two-stroke").heat.hohenberg
+    expected = h * (2 * area + math.pi * bore * gap) * (t_gas - 420.0)
     heat = P[at.HOHENBERG] * (v_p + 1.4) ** 0.8
     found = heat_to_wall(P, 0, heat, area * gap, gap, p_gas, t_gas)
     assert found == pytest.approx(expected, rel=1e-12)

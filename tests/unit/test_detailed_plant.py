@@ -1,5 +1,8 @@
 """A detailed engine behind the plant's step: pulses, orders, refusals, the closed loop."""
 
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 from bench.resolve import resolve
@@ -10,14 +13,15 @@ from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.prototypes import NU
 from plant.actuation import PulseOrder
-from plant.events import CONTACT, MISFIRE
+from plant.detailed import layout as at
+from plant.events import CONTACT, MISFIRE, PULSE_REFUSED
 from plant.initial import initial_state
 from plant.machine import GENERATOR, MOTOR, MachineOrder
 from plant.params import plant_params
 from plant.state import Command
 from plant.step import step
 
-FUEL_KG = 185.9 / 44e6
+FUEL_KG = 178.8 / 44e6
 PERIOD_NS = 1_000_000
 LOAD = MachineOrder(GENERATOR, 0.0, 810.0)
 CONFIG = PlantConfig(model="two-stroke")
@@ -35,13 +39,13 @@ def run(ticks, pulses=(), order=LOAD, settled=True):
 
 def test_settled_run_begins_at_the_left_dead_centre_alight():
     state, _ = run(1)
-    assert state.dead_centre.x_m == pytest.approx(-15.67e-3, abs=0.05e-3)
+    assert state.dead_centre.x_m == pytest.approx(-15.64e-3, abs=0.05e-3)
     assert state.x_m > state.dead_centre.x_m
     assert state.gas.p_left_pa > 20e5
 
 
 def test_spark_and_fuel_make_a_combustion():
-    pulses = [PulseOrder(1, 9000, 4224 + 800), PulseOrder(3, 14_400, 500)]
+    pulses = [PulseOrder(1, 9000, 4064 + 800), PulseOrder(3, 14_400, 500)]
     params = plant_params(
         PlantConfig(model="two-stroke", injector={"static_flow_kg_s": 1e-3}), PERIOD_NS
     )
@@ -51,7 +55,7 @@ def test_spark_and_fuel_make_a_combustion():
         state, events = step(params, state, Command(LOAD, tuple(pulses)))
         seen += events
     assert state.dead_centre.number == 2
-    assert state.dead_centre.fuel_kg == pytest.approx(4.224e-6, abs=2e-9)
+    assert state.dead_centre.fuel_kg == pytest.approx(4.064e-6, abs=2e-9)
     assert [e for e in seen if e.code == MISFIRE] == []
 
 
@@ -110,7 +114,7 @@ def test_each_model_brings_its_own_defaults():
     two = resolve(build({"plant": {"model": "two-stroke"}}, "test"))
     cold = resolve(build({"plant": {"model": "starting"}}, "test"))
     assert two.controller.open_loop.fuel_kg == pytest.approx(FUEL_KG)
-    assert two.controller.tdc_ref_m == pytest.approx(15.67e-3, abs=0.05e-3)
+    assert two.controller.tdc_ref_m == pytest.approx(15.64e-3, abs=0.05e-3)
     assert two.controller.timing.spark_position_m == pytest.approx(15e-3)
     assert cold.plant.prototype == "bit"
     assert cold.controller.timing.spark_position_m == pytest.approx(28e-3)
@@ -125,3 +129,103 @@ def test_prediction_of_a_braked_mass_before_a_gas_spring():
     motion = Motion(direction=1, x_m=0.0, v_m_s=v, a_m_s2=-c * v * (1 + 0.5 * c * h))
     reach, _ = predict(NU, motion, h, 810.0, way)
     assert reach == pytest.approx(-math.log(1.0 - way * c / v) / c, rel=1e-3)
+
+
+def valve_run(pulses, ticks, **config):
+    """Step with the same orders in every tick; returns states by tick, and events."""
+    params = plant_params(PlantConfig(model="two-stroke", **config), PERIOD_NS)
+    state, _ = initial_state(params, FUEL_KG, None)
+    states, seen = [], []
+    for _ in range(ticks):
+        state, events = step(params, state, Command(LOAD, tuple(pulses)))
+        states.append(state)
+        seen += events
+    return states, seen
+
+
+def opened(state, side, valve):
+    d = np.frombuffer(state.gas.d)
+    return bool(d[at.CYL + side * at.CYL_STRIDE + valve])
+
+
+def test_valves_follow_the_piston_while_no_line_is_commanded():
+    """Table 3.3: the left exhaust opens 23 mm after the head, the right one is still open then."""
+    states, _ = valve_run([], 12)
+    for before, after in pairwise(states):
+        if before.x_m < 3e-3 <= after.x_m:
+            assert (opened(before, 0, at.EXHAUST), opened(after, 0, at.EXHAUST)) == (False, True)
+
+
+def test_a_valve_follows_its_line_from_its_first_pulse_on():
+    """The edges act at their own instants: open from 4.3 ms to 6.6 ms, then closed for good."""
+    states, seen = valve_run([PulseOrder(5, 4300, 2300)], 40)
+    assert {e.code for e in seen} <= {MISFIRE}
+    levels = [opened(state, 0, at.EXHAUST) for state in states]
+    assert levels[:8] == [False, False, False, False, True, True, False, False]
+    assert not any(levels[7:])
+
+
+def test_an_early_exhaust_edge_lets_the_charge_out():
+    late, _ = valve_run([], 8)
+    early, _ = valve_run([PulseOrder(5, 2250, 4000)], 8)
+    assert early[1].gas.p_left_pa == late[1].gas.p_left_pa
+    assert early[3].gas.p_left_pa < 0.7 * late[3].gas.p_left_pa
+
+
+def test_an_edge_acts_between_two_ticks():
+    """The earlier, the more has left by the tick: three instants inside one tick."""
+    found = [
+        valve_run([PulseOrder(5, open_us, 4000)], 4)[0][3].gas.p_left_pa
+        for open_us in (3600, 3750, 3900)
+    ]
+    assert found[0] < found[1] < found[2]
+
+
+def test_lines_in_step_with_the_piston_change_nothing():
+    """Pulses at the instants at which the piston would open and close give the same motion."""
+    states, _ = valve_run([], 30)
+    alone = states[-1].dead_centre
+    edges = crossings_us()
+    driven, seen = valve_run(edges, 30)
+    assert [e for e in seen if e.code == PULSE_REFUSED] == []
+    assert driven[-1].dead_centre.x_m == pytest.approx(alone.x_m, abs=20e-6)
+
+
+def crossings_us():
+    """Valve pulses of the first stroke, from where the piston passes the places of Table 3.3."""
+    from hil.config.detailed import read
+    from plant.detailed.engine import Motion, begin, engine_of
+    from plant.detailed.settle import settle
+    from plant.detailed.solver import advance, scratch
+
+    c = read("nu-two-stroke")
+    found = settle(c, FUEL_KG, 810.0)
+    engine = engine_of(c, self_timed=False)
+    motion = Motion(found.y.copy(), found.d.copy(), np.zeros((8, at.N_REC)))
+    begin(engine, motion, 1)
+    places = {5: 3e-3, 4: 8e-3}  # opening of the left exhaust and intake
+    instants = {}
+    for n in range(1, 1400):
+        x = motion.y[at.X]
+        advance(
+            engine.p, motion.d, motion.y, engine.programme, scratch(), motion.record, n * 1e-5, True
+        )
+        for channel, place in places.items():
+            if x < place <= motion.y[at.X]:
+                instants[channel] = n * 10 - 5
+    return [PulseOrder(channel, open_us, 16_000) for channel, open_us in instants.items()]
+
+
+def test_an_engine_with_ports_has_no_valve_lines():
+    _, seen = valve_run([PulseOrder(5, 4300, 2300)], 3, prototype="bit")
+    assert {e.code for e in seen} == {PULSE_REFUSED}
+    assert "unknown channel" in seen[0].text
+
+
+def test_a_lost_controller_closes_the_valves_it_has_opened():
+    params = plant_params(CONFIG, PERIOD_NS)
+    state, _ = initial_state(params, FUEL_KG, 810.0)
+    pulses = (PulseOrder(5, 3000, 60_000),)
+    for tick in range(30):
+        state, _ = step(params, state, Command(LOAD, pulses) if tick < 6 else None)
+    assert not opened(state, 0, at.EXHAUST)

@@ -3,6 +3,7 @@
 import pytest
 
 from plant.actuation import (
+    CHANNELS_WITH_VALVES,
     CONTRADICTORY,
     INJECTOR_LEFT,
     LATE,
@@ -13,6 +14,7 @@ from plant.actuation import (
     TOO_LONG,
     UNKNOWN_CHANNEL,
     Injector,
+    Line,
     PulseOrder,
     PulseTable,
     advance,
@@ -164,3 +166,19 @@ def test_shutting_closes_what_is_open_and_drops_what_is_to_come():
     assert all(line.open is None and line.pending is None for line in table.lines)
     table = advance(table, INJECTOR, 9000 * US)
     assert (table.fuel_kg[0], table.spark_ns) == (pytest.approx(1.2e-6), (-1, -1))
+
+
+def test_a_table_with_valve_lines_takes_their_long_pulses():
+    table = PulseTable(lines=(Line(),) * CHANNELS_WITH_VALVES)
+    table, refused = enter(table, order(100, 60_000, 7), order(100, 30_000, INJECTOR_LEFT))
+    assert refused == [TOO_LONG]
+    assert advance(table, INJECTOR, 200 * US).lines[7].open is not None
+    assert advance(table, INJECTOR, 70_000 * US).lines[7].open is None
+
+
+def test_a_valve_edge_is_neither_spark_nor_fuel():
+    table = PulseTable(lines=(Line(),) * CHANNELS_WITH_VALVES)
+    table, _ = enter(table, *(order(100, 1000, channel) for channel in (4, 5, 6, 7)))
+    table = advance(table, INJECTOR, 2000 * US)
+    assert table.spark_ns == (-1, -1)
+    assert table.fuel_kg == (0.0, 0.0)
