@@ -32,13 +32,13 @@ unpack_stamp: Final = _STAMP.unpack
 _FILTER: Final = struct.Struct("=II")
 _STANDARD: Final = 0x7FF
 _ALL_ERRORS: Final = 0x1FFFFFFF
-_FRAME_BYTES: Final = 16
+_FRAME_BYTES, _DATA_BYTES = 16, 8
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE(_STAMP.size)
 _MOST_AT_ONCE: Final = 512
 _RECEIVE_BYTES: Final = 1 << 20
 _RETRY_S: Final = 50e-6
 _ASK_NS: Final = 50_000_000
-_NO_HEAD: Final = HeadPlace(-1, 0, 0)
+_NO_HEAD: Final = HeadPlace(1 << 32, 0, 0)  # beyond any identifier
 
 
 def filters(wanted: Wanted) -> bytes:
@@ -154,27 +154,39 @@ class SocketFrames:
         Raises: LinkError when the interface is gone
         """
         received: list[Received] = []
-        read, left = self._raw.recvmsg, 0 if self._closed else _MOST_AT_ONCE
-        while left > 0:
-            try:
-                data, ancillary, _, _ = read(_FRAME_BYTES, _ANCILLARY_BYTES)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                self._fail(error, "receive")
-                break
-            left -= 1
-            if len(data) != _FRAME_BYTES:
-                continue
-            can_id, length, word = unpack_frame(data)
-            if can_id & ERROR_FLAG:
-                self._bus_off += bool(can_id & BUS_OFF)
-                self._notices.add(can_id, data[8:])
-            elif length == 8:
-                received.append((can_id, word, _stamp_ns(ancillary)))
-                if can_id == self._head_id:  # a look that finds nothing costs as much as a frame
-                    left = (word >> self._count_at & self._count_mask) - 1
+        try:
+            for _ in range(0 if self._closed else _MOST_AT_ONCE):
+                data, ancillary, _, _ = self._raw.recvmsg(_FRAME_BYTES, _ANCILLARY_BYTES)
+                t_ns = _stamp_ns(ancillary)
+                can_id, word = self._take(data, t_ns, received)
+                if can_id == self._head_id:
+                    self._read_tick(word >> self._count_at & self._count_mask, t_ns, received)
+                    break
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._fail(error, "receive")
         return received
+
+    def _read_tick(self, count: int, t_ns: int, received: list[Received]) -> None:
+        """Read what is there of a tick behind its head, at the time of the head [ns].
+
+        A stamp of its own costs as much as a frame, as does a look that finds nothing.
+        """
+        read, take = self._raw.recv, self._take
+        for _ in range(count - 1):
+            take(read(_FRAME_BYTES), t_ns, received)
+
+    def _take(self, data: bytes, t_ns: int, received: list[Received]) -> tuple[int, int]:
+        """Put a data frame with eight bytes to the others; returns its identifier and word."""
+        can_id, length, word = unpack_frame(data)
+        if can_id & ERROR_FLAG:
+            self._bus_off += bool(can_id & BUS_OFF)
+            self._notices.add(can_id, data[8:])
+        elif length == _DATA_BYTES:
+            received.append((can_id, word, t_ns))
+            return can_id, word
+        return -1, 0
 
     def settle(self) -> None:
         """Return at once: a wire reaches whoever is on it."""

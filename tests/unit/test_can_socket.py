@@ -46,6 +46,9 @@ class Kernel:
             raise item
         return item
 
+    def recv(self, size):
+        return self.recvmsg(size, 32)[0]
+
     def send(self, frame):
         if self.refusals and (error := self.refusals.pop(0)):
             raise OSError(error, "refused")
