@@ -31,6 +31,8 @@ def table() -> None:
     for row in rows:
         form = "{:+.2f}" if row.absolute else "{:+.1%}"
         allowed = f"{row.tolerance:g}" if row.absolute else f"{row.tolerance:.0%}"
+        if math.isinf(row.tolerance):
+            allowed = "reported"
         ours, error = f"{row.ours:.4g}", form.format(row.error)
         if math.isnan(row.ours):
             ours, error = "stops", ""

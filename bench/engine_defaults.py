@@ -10,7 +10,12 @@ from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from hil.prototypes import PROTOTYPES
 
-_FOUR_STROKE = (True, False, False, True)
+_FIRES = {
+    ("two-stroke", "left"): (False, True),
+    ("four-stroke", "both"): (True, False, False, True),
+    ("four-stroke", "left"): (False, False, False, True),
+    ("speed", "both"): (False,),
+}
 """Of strokes counted from the left cylinder's power stroke, with which a run begins."""
 
 _SLOPE_STEP = 0.005
@@ -19,7 +24,7 @@ _LOW_BEFORE_SPARK_S = 0.2e-3
 _FOUR_STROKE_LEAD_TICKS = 1
 """From mid-stroke to spark it is 4 ms in a power stroke: injection has to begin at once."""
 
-_FOUR_STROKE_SPARK_AHEAD_S = 2.5e-3
+_SPARK_AHEAD_S = 2.5e-3
 """Planned earlier, the spark would keep the error of a prediction from far away."""
 
 
@@ -45,12 +50,17 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     control = tree["controller"]
     _give(control["supervisory"], "load_coefficient_n_s_m", load)
     _give(control["limits"], "tdc_m", PROTOTYPES[plant.prototype].position_limit_m)
+    if "fuel_max_kg" not in scenario.controller.limits.model_fields_set:
+        control["limits"]["fuel_max_kg"] = PROTOTYPES[plant.prototype].fuel_max_kg
     _give(control["open_loop"], "fuel_kg", c.heat.energy_j / c.heat.heating_value_j_kg)
     if "force_n" not in scenario.controller.start.model_fields_set:
         control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}
-    if c.cycle.kind == "four-stroke":
-        _fill_four_stroke(scenario, control)
+    fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
+    if fires is not None:
+        _fill_unfired(scenario, control, fires, c)
     spark_before_s = _fill_preset(c, control)
+    if c.cycle.kind == "speed":
+        return
     spark_m = c.left.length_m - c.cycle.ignition_from_head_m
     _fill_timing(scenario, control["timing"], spark_before_s, spark_m)
 
@@ -68,7 +78,7 @@ def _fill_preset(c: Calibration, control: dict[str, Any]) -> float:
     _give(preset, "v_mid_m_s", here.v_mid_m_s)
     _give(preset, "stroke_s", here.stroke_s)
     _give(control, "tdc_ref_m", here.tdc_m)
-    if preset["fuel_per_speed_kg_s_m"] is None:
+    if preset["fuel_per_speed_kg_s_m"] is None and c.cycle.kind != "speed":
         more = settle(c, preset["fuel_kg"] * (1.0 + _SLOPE_STEP), load)
         slope = _SLOPE_STEP * preset["fuel_kg"] / (more.v_mid_m_s - here.v_mid_m_s)
         preset["fuel_per_speed_kg_s_m"] = slope
@@ -80,27 +90,26 @@ def _give(tree: dict[str, Any], key: str, value: float) -> None:
         tree[key] = value
 
 
-def _fill_four_stroke(scenario: Scenario, control: dict[str, Any]) -> None:
-    """Fire two strokes of four, on fixed fuel: the laws know nothing of a gas-exchange stroke.
+def _fill_unfired(
+    scenario: Scenario, control: dict[str, Any], fires: tuple[bool, ...], c: Calibration
+) -> None:
+    """Fire some of the strokes, on fixed fuel: the laws know nothing of a stroke without charge.
 
     Raises: ConfigError
     """
+    model = f"model {scenario.plant.model} with engine {c.name}"
     if "name" in scenario.controller.model_fields_set and control["name"] != "open-loop":
         raise ConfigError(
-            f"{scenario.name}: controller.name {control['name']}: model four-stroke is run by "
-            "open-loop alone"
+            f"{scenario.name}: controller.name {control['name']}: {model} is run by open-loop alone"
         )
     if scenario.begins != "settled":
-        raise ConfigError(f"{scenario.name}: begins: model four-stroke begins settled alone")
+        raise ConfigError(f"{scenario.name}: begins: {model} begins settled alone")
     control["name"] = "open-loop"
+    wanted: dict[str, Any] = {"fires": fires, "spark_ahead_s": _SPARK_AHEAD_S}
+    if c.cycle.kind == "four-stroke":
+        wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
     given = scenario.controller.timing.model_fields_set
-    for key, value in (
-        ("fires", _FOUR_STROKE),
-        ("injection_lead_ticks", _FOUR_STROKE_LEAD_TICKS),
-        ("spark_ahead_s", _FOUR_STROKE_SPARK_AHEAD_S),
-    ):
-        if key not in given:
-            control["timing"][key] = value
+    control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
 
 
 def _with_prototype(scenario: Scenario, tree: dict[str, Any]) -> PlantConfig:

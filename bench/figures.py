@@ -45,7 +45,7 @@ class RunData(NamedTuple):
     def strokes(self) -> Strokes:
         """Every dead centre of the run."""
         strokes, fires = self.truth.strokes, self.scenario.controller.timing.fires
-        if all(fires):
+        if all(fires) or not any(fires):
             return strokes
         return strokes.part(np.resize(np.array(fires), len(strokes.t_ns)))
 
@@ -127,10 +127,11 @@ def _motion(data: RunData) -> Figures:
     tdc_mm = strokes.tdc_m * 1e3
     fuel_mg = strokes.fuel_kg * 1e6
     final = strokes.part(slice(-_FINAL_STROKES, None))
+    every = data.truth.strokes
     return {
         "strokes": count,
-        "frequency_mean_hz": frequency_hz(strokes),
-        "frequency_final_hz": frequency_hz(final),
+        "frequency_mean_hz": frequency_hz(every),
+        "frequency_final_hz": frequency_hz(every.part(slice(-_FINAL_STROKES, None))),
         "tdc_mean_mm": float(tdc_mm.mean()) if count else None,
         "tdc_sigma_mm": float(tdc_mm.std(ddof=1)) if count > 1 else None,
         "tdc_min_mm": float(tdc_mm.min()) if count else None,

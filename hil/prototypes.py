@@ -1,4 +1,4 @@
-"""The two prototype engines by their published figures, and the constants that follow from them."""
+"""The engines by their published figures, and the constants that follow from them."""
 
 from __future__ import annotations
 
@@ -120,4 +120,38 @@ BIT = Prototype(
     fuel_max_kg=6.0e-6,
 )
 
-PROTOTYPES: dict[str, Prototype] = {"nu": NU, "bit": BIT}
+GAS_SPRING = NU.model_copy(
+    update={
+        "name": "gas-spring", "moving_mass_kg": 25.0, "bore_m": 0.0825, "half_stroke_m": 0.050,
+        "gamma": 1.32, "p0_pa": 1.3e5, "load_coefficient_n_s_m": 900.0, "peak_force_n": 5000.0,
+        "ignition_from_head_m": 0.010, "tdc_ref_m": 0.0435, "position_limit_m": 0.0495,
+        "fuel_max_kg": 40.0e-6,
+    }
+)  # fmt: skip
+"""Single piston with a gas spring (thesis Table 2.9; hil/engines/gas-spring.toml)."""
+
+OPPOSED = NU.model_copy(
+    update={
+        "name": "opposed", "moving_mass_kg": 5.4, "bore_m": 0.070, "half_stroke_m": 0.0325,
+        "gamma": 1.32, "p0_pa": 1.5e5, "load_coefficient_n_s_m": 325.0, "peak_force_n": 5000.0,
+        "ignition_from_head_m": 0.006, "tdc_ref_m": 0.0274, "position_limit_m": 0.032,
+        "fuel_max_kg": 40.0e-6,
+    }
+)  # fmt: skip
+"""Opposed pistons that move as one (thesis Table 2.6; hil/engines/opposed.toml)."""
+
+MECHANICAL_SPRING = NU.model_copy(
+    update={
+        "name": "mechanical-spring", "moving_mass_kg": 10.0, "bore_m": 0.068,
+        "half_stroke_m": 0.0425, "gamma": 1.28, "load_coefficient_n_s_m": 750.0,
+        "ignition_from_head_m": 0.006, "tdc_ref_m": 0.0375, "position_limit_m": 0.042,
+        "fuel_max_kg": 40.0e-6,
+    }
+)  # fmt: skip
+"""Four-stroke with a mechanical spring (thesis section 2.3.4; its own calibration)."""
+
+PROTOTYPES: dict[str, Prototype] = {
+    e.name: e for e in (NU, BIT, GAS_SPRING, OPPOSED, MECHANICAL_SPRING)
+}
+SINGLE_CHAMBER = ("gas-spring", "opposed", "mechanical-spring")
+"""Engines with one chamber that fires: the fast models, of two, do not describe them."""

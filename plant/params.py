@@ -94,7 +94,9 @@ def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Eng
     )
 
 
-_WHOLE = dict.fromkeys(DETAILED_MODELS, "plant.detailed.plant") | {"fmu": "plant.fmu.plant"}
+_WHOLE: dict[str, str] = dict.fromkeys(DETAILED_MODELS, "plant.detailed.plant") | {
+    "fmu": "plant.fmu.plant"
+}
 
 
 def _whole(config: PlantConfig) -> WholePlant | None:

@@ -13,7 +13,7 @@ ControllerName = Literal[
 ]
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
-FuelKg = Annotated[float, Field(ge=0.0, le=6.0e-6)]
+FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
 
 
 class Gains(Section):

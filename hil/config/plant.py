@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from hil.prototypes import (
     PROTOTYPES,
+    SINGLE_CHAMBER,
     ForceN,
     FuelKg,
     Gamma,
@@ -24,10 +25,11 @@ from hil.prototypes import (
 )
 
 OwnModel = Literal[
-    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting"
-]
+    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
+    "motoring",
+]  # fmt: skip
 Model = Literal[OwnModel, "fmu"]
-DETAILED_MODELS = ("two-stroke", "four-stroke", "starting")
+DETAILED_MODELS: tuple[str, ...] = ("two-stroke", "four-stroke", "starting", "motoring")
 """Models of the gas in full: compiled, with a calibration of their own."""
 
 _FMU = "fmu:"
@@ -99,7 +101,7 @@ class FmuConfig(_Strict):
 class PlantConfig(_Strict):
     """Which engine, which model of it, and its actuators and sensors."""
 
-    prototype: Literal["nu", "bit"] = "nu"
+    prototype: Literal["nu", "bit", "gas-spring", "opposed", "mechanical-spring"] = "nu"
     model: Model = "harmonic"
     load_coefficient_n_s_m: LoadCoefficient | None = None
     fmu: FmuConfig = FmuConfig()
@@ -128,6 +130,15 @@ class PlantConfig(_Strict):
     def _unit_has_a_file(self) -> Self:
         if (self.model == "fmu") != bool(self.fmu.file):
             raise ValueError("model = 'fmu:FILE.fmu' needs a file, and fmu.file needs model 'fmu'")
+        return self
+
+    @model_validator(mode="after")
+    def _model_knows_the_engine(self) -> Self:
+        if self.prototype in SINGLE_CHAMBER and self.model not in DETAILED_MODELS:
+            raise ValueError(
+                f"prototype {self.prototype} has one chamber; models that accept it: two-stroke, "
+                "four-stroke"
+            )
         return self
 
     def resolved_prototype(self) -> Prototype:

@@ -174,8 +174,9 @@ def running(engine: Engine) -> Motion:
         d[at.PHASE] = 2.0
     elif cycle.fires == "both":
         d[at.CYL + at.CYL_STRIDE + at.INTAKE] = d[at.CYL + at.CYL_STRIDE + at.EXHAUST] = 1.0
-    d[at.CYL + at.SPARK_T], d[at.CYL + at.Q_IN] = -r.start_spark_s, engine.energy_j
-    d[at.LOAD] = engine.calibration.machine.load_coefficient_n_s_m
+    if cycle.kind != "speed":
+        d[at.CYL + at.SPARK_T], d[at.CYL + at.Q_IN] = -r.start_spark_s, engine.energy_j
+        d[at.LOAD] = engine.calibration.machine.load_coefficient_n_s_m
     begin(engine, motion, 1)
     d[at.HEAT] = engine.p[at.HOHENBERG] * (2.0 + 1.4) ** 0.8
     return motion

@@ -72,7 +72,7 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
     seconds = float(last[at.REC_T] - first[at.REC_T])
     powers = (last - first)[at.REC_SUMS :] / seconds
     inner = rows[1:]
-    tdc = float(np.mean(np.abs(inner[_compressed(engine, inner), at.REC_X])))
+    tdc = float(np.mean(np.abs(inner[compressed(engine, inner), at.REC_X])))
     path = float(np.sum(np.abs(np.diff(rows[:, at.REC_X]))))
     indicated = _both(powers, at.W_GAS)
     spring, pressures = 0.0, 2
@@ -89,7 +89,7 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
         v_max_m_s=float(np.max(inner[:, at.REC_V_MAX])),
         v_mean_m_s=path / seconds,
         p_max_pa=float(np.max(inner[:, at.REC_P_LEFT : at.REC_P_LEFT + pressures])),
-        compression_ratio=compressed_from_m(engine) / (c.left.length_m - tdc),
+        compression_ratio=_compressed_from_m(engine, inner) / (c.left.length_m - tdc),
         tdc_m=tdc,
         indicated_w=indicated,
         electric_w=indicated + spring - friction - motoring + pump,
@@ -107,7 +107,7 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
     )
 
 
-def _compressed(engine: Engine, rows: Array) -> NDArray[np.bool_]:
+def compressed(engine: Engine, rows: Array) -> NDArray[np.bool_]:
     """Tell which dead centres end a compression of a charge."""
     cycle = engine.calibration.cycle
     if cycle.fires == "left":
@@ -117,12 +117,18 @@ def _compressed(engine: Engine, rows: Array) -> NDArray[np.bool_]:
     return np.isin(rows[:, at.REC_PHASE], (1.0, 2.0))
 
 
-def compressed_from_m(engine: Engine) -> float:
-    """Distance from the head at which compression begins: the last valve has closed."""
-    cycle = engine.calibration.cycle
-    if cycle.exhaust_closes_m is None:
-        return 2.0 * engine.calibration.left.length_m
-    return min(cycle.exhaust_closes_m, cycle.intake_closes_m or cycle.exhaust_closes_m)
+def _compressed_from_m(engine: Engine, rows: Array) -> float:
+    """Distance from the head at which compression begins: the last valve has closed.
+
+    In a four-stroke engine that is the dead centre before, taken as the whole stroke where a head
+    limits it, as the thesis does (section 3.3.3).
+    """
+    cycle, length = engine.calibration.cycle, engine.calibration.left.length_m
+    if cycle.exhaust_closes_m is not None:
+        return min(cycle.exhaust_closes_m, cycle.intake_closes_m or cycle.exhaust_closes_m)
+    if cycle.fires == "left":
+        return length + float(np.mean(rows[rows[:, at.REC_PHASE] == 0.0, at.REC_X]))
+    return 2.0 * length
 
 
 def _both(sums: Array, which: int) -> float:

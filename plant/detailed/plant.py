@@ -114,10 +114,13 @@ class DetailedPlant:
                 return s._replace(tick=s.tick + 1)
 
     def _impose(self, s: PlantState, d: Array) -> None:
-        """Put the machine's order into the arrays; a four-stroke drive keeps its programme."""
+        """Put the machine's order into the arrays; a drive with a programme of its own keeps it."""
         machine = s.machine
         nominal = self.engine.calibration.machine.load_coefficient_n_s_m
-        if self.engine.calibration.cycle.kind != "four-stroke":
+        kind = self.engine.calibration.cycle.kind
+        if kind == "speed":
+            d[at.LOAD] = d[at.FORCE] = 0.0
+        elif kind != "four-stroke":
             d[at.LOAD], d[at.FORCE] = machine.load_coefficient_n_s_m, machine.force_n
         elif machine.order.mode == GENERATOR:
             d[at.LOAD_SCALE] = machine.load_coefficient_n_s_m / nominal

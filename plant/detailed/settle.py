@@ -12,6 +12,7 @@ from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.detailed import layout as at
 from plant.detailed.engine import Engine, Motion, engine_of, running, strokes
+from plant.detailed.figures import compressed
 from plant.detailed.solver import advance, scratch
 from plant.detailed.types import Array
 
@@ -20,9 +21,12 @@ _CALIBRATIONS = {
     ("two-stroke", "bit"): "bit-running",
     ("four-stroke", "nu"): "nu-four-stroke",
     ("starting", "bit"): "bit-starting",
+    ("motoring", "nu"): "nu-motoring",
+    ("two-stroke", "gas-spring"): "gas-spring",
+    ("two-stroke", "opposed"): "opposed",
+    ("four-stroke", "mechanical-spring"): "mechanical-spring",
 }
 _SETTLE_S = 2.5
-_TWO_STROKES = 2
 _SAMPLE_S = 1.0e-4
 
 
@@ -118,8 +122,7 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
             return None
     last = strokes(motion)[-rows:]
     stroke_s = last[0, at.REC_T] - begun
-    if rows > _TWO_STROKES:
-        last = last[(last[:, at.REC_PHASE] == 1) | (last[:, at.REC_PHASE] == 2)]
+    last = last[compressed(engine, last)]
     spark = d[at.T] - d[at.CYL + at.SPARK_T]
     return _at_time_zero(y, d, float(np.mean(np.abs(last[:, at.REC_X]))), v_mid, stroke_s, spark)
 

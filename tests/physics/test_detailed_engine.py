@@ -11,12 +11,13 @@ from plant.detailed.figures import cycle_rows, settled
 from plant.detailed.machine import machine_force
 
 FIRED = ("nu-two-stroke", "nu-four-stroke", "bit-running")
+OTHERS = ("gas-spring", "opposed", "mechanical-spring")
 
 
 @pytest.fixture(scope="module")
 def runs():
     found = {}
-    for name in FIRED:
+    for name in (*FIRED, *OTHERS):
         engine = engine_of(read(name))
         found[name] = engine, settled(engine, 3.0)
     return found
@@ -31,7 +32,7 @@ def both(sums, which):
     return sums[at.SUM + which] + sums[at.SUM + at.SUM_STRIDE + which]
 
 
-@pytest.mark.parametrize("name", FIRED)
+@pytest.mark.parametrize("name", [*FIRED, *OTHERS])
 def test_energy_is_balanced_over_a_cycle(runs, name):
     """Fuel = heat + exhaust + leakage + friction + electric + what is stored."""
     engine, motion = runs[name]
@@ -41,12 +42,14 @@ def test_energy_is_balanced_over_a_cycle(runs, name):
     out = both(sums, at.Q_WALL) + both(sums, at.H_EX) - both(sums, at.H_IN)
     out += both(sums, at.H_LEAK) + sums[at.W_FRICTION] + sums[at.W_GENERATED]
     out -= sums[at.W_MOTORED]
+    x = np.array([first[at.X], last[at.X]])
+    stored += np.diff(0.5 * engine.p[at.SPRING] * (x - engine.p[at.SPRING_X]) ** 2)[0]
     fuel = both(sums, at.Q_FUEL)
     assert fuel > 100.0
     assert out + stored == pytest.approx(fuel, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", FIRED)
+@pytest.mark.parametrize("name", [*FIRED, *OTHERS])
 def test_mass_is_balanced_over_a_cycle(runs, name):
     engine, motion = runs[name]
     first, last = gained(engine, motion)
@@ -85,6 +88,63 @@ def test_part_load_of_the_beijing_engine_is_reached():
     from bench.engine import table_2
 
     assert [row for row in table_2() if not row.reached] == []
+
+
+def test_constant_speed_motoring_is_reached():
+    """The servo holds 200 mm/s between +-18 mm; 11 bar and 15.5 : 1 (section 4.1.3)."""
+    from bench.engine import motoring
+
+    assert [row for row in motoring() if not row.reached] == []
+    engine = engine_of(read("nu-motoring"))
+    motion = at_rest(engine)
+    begin(engine, motion, 1)
+    rows = strokes(run_for(engine, motion, 1.5))
+    assert rows[1:, at.REC_V_MAX] == pytest.approx(0.2, rel=1e-3)
+    assert np.abs(rows[:, at.REC_X]) == pytest.approx(18e-3, abs=0.05e-3)
+    assert np.diff(rows[:, at.REC_T]) == pytest.approx(0.18, rel=0.01)
+
+
+def test_engines_of_the_literature_give_their_printed_figures():
+    from bench.engine import other_engines
+
+    assert [row for row in other_engines() if not row.reached] == []
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_single_chamber_engines_repeat_their_cycle(runs, name):
+    engine, motion = runs[name]
+    rows = cycle_rows(engine, motion, 4)
+    length = engine.programme.shape[0]
+    assert np.abs(rows[length:, at.REC_X] - rows[:-length, at.REC_X]).max() < 5e-6
+    assert motion.d[at.CONTACTS] == 0.0
+
+
+def test_opposed_pistons_are_one_piston_against_a_mirror():
+    """Half of the engine, one piston of it with a plane of symmetry for a head, moves the same."""
+    c = read("opposed")
+
+    def half(side):
+        return side.model_copy(update={"pistons": 1, "leak_m2": side.leak_m2 / 2})
+
+    engine = engine_of(c)
+    mover = c.mover.model_copy(update={"mass_kg": c.mover.mass_kg / 2})
+    machine = c.machine.model_copy(
+        update={"load_coefficient_n_s_m": c.machine.load_coefficient_n_s_m / 2}
+    )
+    air = c.breathing.model_copy(update={"lift_m": c.breathing.lift_m / 2})
+    heat = c.heat.model_copy(update={"energy_j": c.heat.energy_j / 2})
+    friction = c.friction.model_copy(update={"machine_n": c.friction.machine_n / 2})
+    mirrored = c.model_copy(
+        update={"left": half(c.left), "right": half(c.right), "mover": mover, "heat": heat,
+                "machine": machine, "breathing": air, "friction": friction}
+    )  # fmt: skip
+    one = engine_of(mirrored)
+    one.p[at.HOHENBERG] *= 0.5**0.06  # eq. 3.18 has the volume of the whole chamber
+    b = at.CYL_P
+    for base in (b, b + at.CYL_P_STRIDE):  # neither plane of symmetry takes up heat
+        one.p[base + at.END_AREA] = engine.p[base + at.END_AREA] / 2
+    rows = [strokes(run_for(e, running(e), 0.3))[:, at.REC_X] for e in (engine, one)]
+    assert rows[0][:8] == pytest.approx(rows[1][:8], abs=1e-9)
 
 
 def test_starting_takes_the_thesis_number_of_cycles():

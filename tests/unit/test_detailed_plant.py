@@ -100,6 +100,11 @@ def test_lost_controller_ends_at_rest():
         ({"plant": {"model": "four-stroke", "prototype": "bit"}}, "no calibration"),
         ({"plant": {"model": "two-stroke", "engine": {"moving_mass_kg": 6.0}}}, "moving_mass_kg"),
         ({"plant": {"model": "four-stroke"}, "controller": {"name": "cascade"}}, "open-loop alone"),
+        ({"plant": {"model": "four-stroke", "prototype": "opposed"}}, "no calibration"),
+        (
+            {"plant": {"model": "two-stroke", "prototype": "opposed"}, "begins": "at-rest"},
+            "begins settled",
+        ),
         ({"plant": {"model": "four-stroke"}, "begins": "at-rest"}, "begins settled"),
         ({"plant": {"model": "starting", "prototype": "nu"}}, "no calibration"),
         ({"plant": {"model": "two-stroke", "load_coefficient_n_s_m": 2000.0}}, "the engine stops"),
@@ -229,3 +234,8 @@ def test_a_lost_controller_closes_the_valves_it_has_opened():
     for tick in range(30):
         state, _ = step(params, state, Command(LOAD, pulses) if tick < 6 else None)
     assert not opened(state, 0, at.EXHAUST)
+
+
+def test_engines_with_one_chamber_are_not_for_the_fast_models():
+    with pytest.raises(ConfigError, match="accept it: two-stroke, four-stroke"):
+        build({"plant": {"model": "harmonic", "prototype": "gas-spring"}}, "test")
