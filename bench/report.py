@@ -8,11 +8,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench import plots_control, plots_motion
+from bench import plots_control, plots_motion, report_engine
 from bench.figures import RunData
 from bench.outdir import RunFiles
 from bench.plot_style import style, svg
-from bench.report_page import STYLE, TILES, Tile
+from bench.report_page import STYLE, TILES, Tile, small_tile, table
 from bench.summary import Summary
 from bench.traces import Traces, read_traces
 from hil.errors import MissingExtraError
@@ -29,11 +29,12 @@ def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
     try:
         with style():
             pictures = _pictures(data, traces)
+            engine = report_engine.section(data.scenario, files)
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
         raise MissingExtraError("matplotlib", "desk", "the report") from None
-    files.report.write_text(_page(data, summary, pictures), encoding="utf-8")
+    files.report.write_text(_page(data, summary, pictures, engine), encoding="utf-8")
 
 
 def save_picture(data: RunData, files: RunFiles, path: Path) -> None:
@@ -65,7 +66,7 @@ def _figures(pictures: Iterable[str]) -> str:
     return "".join(f"<figure>{picture}</figure>" for picture in pictures)
 
 
-def _page(data: RunData, summary: Summary, pictures: Sequence[str]) -> str:
+def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str) -> str:
     """Put the page together."""
     name = html.escape(summary["scenario"])
     run = summary["run"]
@@ -85,6 +86,7 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str]) -> str:
         '<section class="pictures">',
         *pictures,
         "</section>",
+        engine,
         _events(data),
         _all_figures(summary),
         _configuration(data, summary),
@@ -123,22 +125,8 @@ def _tile(tile: Tile, summary: Summary) -> str:
         return ""
     shown = tile.format.format(value * tile.factor)
     extra = figures.get(tile.extra_key) if tile.extra_key else None
-    more = "" if extra is None else f"<small>{tile.extra.format(extra)}</small>"
-    return (
-        f'<div class="tile"><span>{tile.title}</span><b>{shown}<em>{tile.unit}</em></b>{more}</div>'
-    )
-
-
-def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[Any]], kind: str = "") -> str:
-    cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
-    lines = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
-        for row in rows
-    )
-    return (
-        f'<section><h2>{html.escape(title)}</h2><table class="{kind}">'
-        f"<thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table></section>"
-    )
+    more = "" if extra is None else tile.extra.format(extra)
+    return small_tile(tile.title, shown, tile.unit, more)
 
 
 def _expectations(summary: Summary) -> str:
@@ -163,13 +151,13 @@ def _events(data: RunData) -> str:
     title = "Events" if not left_out else f"Events (the first ones; {left_out} more in the logs)"
     if not rows:
         return "<section><h2>Events</h2><p>None were logged.</p></section>"
-    return _table(title, ("t [s]", "process", "severity", "code", "what"), rows, "events")
+    return table(title, ("t [s]", "process", "severity", "code", "what"), rows, "events")
 
 
 def _all_figures(summary: Summary) -> str:
     rows = [(key, _number(value)) for key, value in summary["figures"].items()]
-    table = _table("Every figure", ("key in summary.json", "value"), rows, "figures")
-    return f"<details><summary>Every figure</summary>{table}</details>"
+    every = table("Every figure", ("key in summary.json", "value"), rows, "figures")
+    return f"<details><summary>Every figure</summary>{every}</details>"
 
 
 def _number(value: Any) -> str:  # noqa: ANN401

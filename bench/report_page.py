@@ -1,8 +1,10 @@
-"""The look of the report page, and which figures stand at its top."""
+"""The look of the report page, its tables and tiles, and which figures stand at its top."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import html
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 
 class Tile(NamedTuple):
@@ -83,3 +85,22 @@ pre { font: 12.5px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; overflow-x:
 @media (max-width: 760px) { .row { flex-direction: column; } header { flex-direction: column; } }
 @media print { body { background: #fff; } .row, figure { break-inside: avoid; } }
 """
+
+
+def small_tile(title: str, shown: str, unit: str, more: str) -> str:
+    """Return a tile: a figure with its unit, and another one below it in small."""
+    small = f"<small>{more}</small>" if more else ""
+    return f'<div class="tile"><span>{title}</span><b>{shown}<em>{unit}</em></b>{small}</div>'
+
+
+def table(title: str, head: Sequence[str], rows: Iterable[Sequence[Any]], kind: str = "") -> str:
+    """Return a table under a heading; every cell is text."""
+    cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
+    lines = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
+        for row in rows
+    )
+    return (
+        f'<section><h2>{html.escape(title)}</h2><table class="{kind}">'
+        f"<thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table></section>"
+    )

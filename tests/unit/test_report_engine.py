@@ -1,0 +1,133 @@
+"""The report looks into the cylinders of a detailed engine: diagram, power, figures."""
+
+import pytest
+
+pytest.importorskip("numba", reason="needs the extra detailed")
+pytest.importorskip("matplotlib", reason="needs the extra desk")
+
+import numpy as np
+
+from bench import indicator
+from bench.commands import RunOptions, overrides, run
+from bench.indicator import last_cycle
+from bench.outdir import RunFiles
+from bench.plots_engine import parts_of, power, pressure_volume, pressure_volume_log
+from bench.report_engine import section
+from drivers.process import read_scenario
+from hil.errors import MissingExtraError
+
+
+def made(directory, model, duration_s, report=False):
+    flags = {"link.kind": "memory", "loop.clock": "lockstep", "plant.model": model}
+    given = [f"run.duration_s={duration_s}"]
+    run("steady", overrides(flags, given), RunOptions(directory, report, True))
+    files = RunFiles(directory)
+    return read_scenario(files.scenario), files
+
+
+@pytest.fixture(scope="module")
+def two_stroke(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("two"), "two-stroke", 0.8, report=True)
+
+
+@pytest.fixture(scope="module")
+def four_stroke(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("four"), "four-stroke", 1.2)
+
+
+@pytest.fixture(params=["two_stroke", "four_stroke"])
+def cycle(request):
+    found, why = last_cycle(*request.getfixturevalue(request.param))
+    assert why == ""
+    return found
+
+
+def test_the_diagram_encloses_the_indicated_work(cycle):
+    """The indicated work of a cycle is the integral of p dV over it, both cylinders."""
+    f = cycle.figures
+    work = sum(np.trapezoid(p, v) for p, v in zip(cycle.p_pa, cycle.volume_m3, strict=True))
+    seconds = cycle.t_s[-2] - cycle.t_s[0]
+    assert work / seconds == pytest.approx(f.indicated_w, rel=0.01)
+
+
+def test_the_diagram_closes(cycle):
+    assert cycle.p_pa[:, -1] == pytest.approx(cycle.p_pa[:, 0], rel=0.15)
+    assert cycle.p_pa.max() == pytest.approx(cycle.figures.p_max_pa, rel=0.03)
+
+
+def test_what_leaves_is_what_the_fuel_brought(cycle):
+    f = cycle.figures
+    rest = f.fuel_w - f.heat_w - f.exhaust_w - f.leak_w - f.indicated_w
+    assert abs(rest) < 0.005 * f.fuel_w
+    friction = f.indicated_w - f.friction_w - f.motoring_w - f.pump_w
+    assert f.electric_w == pytest.approx(friction, rel=1e-6)
+
+
+def test_the_fuel_of_the_figures_is_the_fuel_that_burnt(two_stroke):
+    found, _ = last_cycle(*two_stroke)
+    f = found.figures
+    charges = f.speed_rpm / 60.0 * 2.0
+    text = (two_stroke[1].directory / "summary.json").read_text()
+    burnt_kg = float(text.split('"fuel_final_mg": ')[1].split(",")[0]) * 1e-6
+    assert f.fuel_w == pytest.approx(charges * burnt_kg * 44.0e6, rel=0.01)
+
+
+def test_every_loss_takes_its_part_off_what_is_left(cycle):
+    parts = parts_of(cycle.figures)
+    names = [part.name for part in parts]
+    assert names[0] == "fuel"
+    assert names[-1] == "electric"
+    left = parts[0].power_w
+    for part in parts[1:]:
+        if part.remains:
+            assert left == pytest.approx(part.power_w, abs=0.005 * cycle.figures.fuel_w)
+            left = part.power_w
+        else:
+            left -= part.power_w
+
+
+def test_the_pictures_say_what_is_on_their_axes(cycle):
+    for figure in (pressure_volume(cycle), pressure_volume_log(cycle)):
+        (axes,) = figure.axes
+        assert axes.get_xlabel() == "V  [cm³]"
+        assert axes.get_ylabel() == "p  [bar]"
+        assert [line.get_label() for line in axes.lines] == ["left", "right"]
+    (axes,) = power(cycle).axes
+    assert axes.get_xlabel() == "P  [W]"
+
+
+def test_the_page_has_the_section_with_tiles_pictures_and_table(two_stroke):
+    page = two_stroke[1].report.read_text()
+    at = page.index("Engine cycle")
+    assert page.count("<svg", at) == 3
+    for text in ("Compression ratio", "Efficiency", "indicated mean effective pressure"):
+        assert text in page[at:]
+
+
+def test_a_motored_engine_has_a_diagram_and_no_efficiency(tmp_path):
+    scenario, files = made(tmp_path, "motoring", 2.0)
+    text = section(scenario, files)
+    assert text.count("<svg") == 2
+    assert "Compression ratio" in text
+    assert "Efficiency" not in text
+
+
+def test_a_run_too_short_to_look_into_says_so(tmp_path):
+    assert "Not shown: the run is too short" in section(*made(tmp_path, "two-stroke", 0.3))
+
+
+def test_a_log_of_another_motion_is_not_shown(two_stroke, monkeypatch):
+    monkeypatch.setattr(indicator, "_SAME_M", 0.0)
+    assert "Not shown: the motion cannot be run again" in section(*two_stroke)
+
+
+def test_a_missing_compiler_is_named_on_the_page(two_stroke, monkeypatch):
+    def missing(*_):
+        raise MissingExtraError("numba", "detailed", "the detailed engine")
+
+    monkeypatch.setattr(indicator, "make_params", missing)
+    assert "Not shown: the detailed engine needs numba" in section(*two_stroke)
+
+
+def test_a_fast_model_has_no_such_section(tmp_path):
+    assert section(*made(tmp_path, "harmonic", 0.3)) == ""
