@@ -10,7 +10,7 @@ import numpy as np
 from hil.config.detailed import Calibration, read
 from hil.errors import RunError
 from plant.detailed import layout as at
-from plant.detailed.engine import at_rest, begin, engine_of, run_for, strokes
+from plant.detailed.engine import Engine, Motion, at_rest, begin, engine_of, run_for, strokes
 from plant.detailed.figures import Figures, figures, settled
 
 _BAR = 1e5
@@ -96,7 +96,12 @@ def table_2() -> list[Row]:
     return rows
 
 
-def figures_at(c: Calibration, throttle: float, step: float = 0.05) -> Figures:
+def figures_at(c: Calibration, throttle: float) -> Figures:
+    """Figures at part load."""
+    return figures(*motion_at(c, throttle))
+
+
+def motion_at(c: Calibration, throttle: float, step: float = 0.05) -> tuple[Engine, Motion]:
     """Settle at full throttle, then close it in small steps, as an operator would."""
     motion = None
     for part in [*np.arange(1.0, throttle + 1e-9, -step).tolist(), throttle]:
@@ -105,7 +110,7 @@ def figures_at(c: Calibration, throttle: float, step: float = 0.05) -> Figures:
             motion.d[at.ENERGY] = engine.energy_j
         motion = settled(engine, 1.5, motion)
     assert motion is not None
-    return figures(engine, motion)
+    return engine, motion
 
 
 def starting_peaks(force_n: float) -> list[float]:

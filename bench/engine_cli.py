@@ -12,7 +12,7 @@ app = typer.Typer(
     name="engine", help="The detailed engines: tables, studies, precision.", no_args_is_help=True
 )
 
-Over = Literal["throttle", "ignition", "load", "motor-force"]
+Over = Literal["throttle", "ignition", "load", "motor-force", "fuel"]
 EngineName = Annotated[str, typer.Option("--engine", help="Calibration, as nu-two-stroke.")]
 
 
@@ -49,12 +49,21 @@ def sweep(
     engine: EngineName = "nu-two-stroke",
     out: Annotated[Path | None, typer.Option(help="Picture to write (.svg, .png).")] = None,
 ) -> None:
-    """Repeat a parameter study of the thesis."""
-    from bench import engine_sweep
+    """Repeat a parameter study of the thesis: its figures as a table, and as a picture."""
+    if over == "fuel":
+        _fuel(out)
+    elif engine == "bit-starting" and over == "motor-force":
+        _starting(out)
+    else:
+        _settled(over, engine, out)
+
+
+def _settled(over: Over, engine: str, out: Path | None) -> None:
+    from bench import engine_study_plots, engine_sweep
 
     points = engine_sweep.sweep(over, engine)
     unit = engine_sweep.SWEEPS[over].unit
-    print(f"{over} [{unit}]  rpm  bar  CR  indicated W  electric W  friction W  efficiency %")
+    print(f"{over} [{unit}]  rpm  bar  CR  indicated W  electric W  friction W  motoring W  eff. %")
     for point in points:
         f = point.figures
         if f is None:
@@ -63,10 +72,32 @@ def sweep(
         print(
             f"{point.value:8g}  {f.speed_rpm:7.1f}  {f.p_max_pa * 1e-5:6.2f}"
             f"  {f.compression_ratio:6.3f}  {f.indicated_w:7.1f}  {f.electric_w:7.1f}"
-            f"  {f.friction_w:6.1f}  {100.0 * f.efficiency:5.2f}"
+            f"  {f.friction_w:6.1f}  {f.motoring_w:6.1f}  {100.0 * f.efficiency:5.2f}"
         )
     if out is not None:
-        engine_sweep.draw(points, over, engine, out)
+        engine_study_plots.draw(points, over, engine, out)
+
+
+def _starting(out: Path | None) -> None:
+    from bench import engine_study_plots, engine_sweep
+
+    peaks = engine_sweep.starting_study()
+    print("motor force [N]  peak pressure of the right cylinder by cycle [bar]")
+    for force, bars in peaks.items():
+        print(f"{force:8g}  " + " ".join(f"{bar:5.1f}" for bar in bars))
+    if out is not None:
+        engine_study_plots.draw_starting(peaks, out)
+
+
+def _fuel(out: Path | None) -> None:
+    from bench import engine_study_plots, engine_sweep
+
+    rows = engine_sweep.fuel_study()
+    print("change of fuel  TDC [mm]  rpm   (fast model, heads disregarded)")
+    for change, tdc_m, speed in rows:
+        print(f"{change:+8.0%}  {tdc_m * 1e3:8.2f}  {speed:7.1f}")
+    if out is not None:
+        engine_study_plots.draw_fuel(rows, out)
 
 
 @app.command()
