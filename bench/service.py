@@ -1,6 +1,7 @@
 """What the units start: one process as a service, and what prepares a reload of its set points.
 
 python -m bench.service plant|controller --config FILE [--logs DIRECTORY]
+python -m bench.service sensors --config FILE     in place of the plant: analogue inputs
 python -m bench.service set-points --config FILE --out FILE
 """
 
@@ -24,8 +25,12 @@ def serve(process: str, config: Path, logs: Path | None) -> int:
     Raises: HilError with the line that goes to the journal
     """
     scenario = checked(resolve(read_scenario(config)), config)
-    log = None if logs is None else log_file(logs, process)
     service = Service(process, scenario.loop.rate_hz)
+    if process == "sensors":
+        from drivers.analog_source import run as run_sensors
+
+        return run_sensors(scenario, service)
+    log = None if logs is None else log_file(logs, process)
     if process == "plant":
         from plant.main import run as run_plant
 
@@ -63,7 +68,7 @@ def prepare_set_points(config: Path, out: Path) -> int:
 def run(argv: list[str] | None = None) -> int:
     """Read the arguments and do what they say."""
     parser = argparse.ArgumentParser(prog="service", description=__doc__)
-    parser.add_argument("what", choices=("plant", "controller", "set-points"))
+    parser.add_argument("what", choices=("plant", "controller", "sensors", "set-points"))
     parser.add_argument("--config", type=Path, required=True)
     parser.add_argument("--logs", type=Path)
     parser.add_argument("--out", type=Path)

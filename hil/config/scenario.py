@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from hil.busload import check_fit
 from hil.config.base import Section
 from hil.config.controller import ControllerConfig, ControllerName
+from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
@@ -72,6 +73,7 @@ class Scenario(Section):
     log: LogConfig = LogConfig()
     plant: PlantConfig = PlantConfig()
     controller: ControllerConfig = ControllerConfig()
+    inputs: InputsConfig = InputsConfig()
     outputs: OutputsConfig = OutputsConfig()
     events: dict[str, Event] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
