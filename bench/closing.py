@@ -71,6 +71,7 @@ def tick_rows(figures: dict[str, Any]) -> list[Row]:
     rows += [
         ("answered next tick", _number(figures, "answered_next_tick_share", "{:.2f} %", 100.0)),
         ("sample age p99", _number(figures, "sample_age_p99_ticks", "{:d} ticks")),
+        ("processor use", _number(figures, "processor_cores", "{:.0f} % of a core", 100.0)),
         ("speed", _number(figures, "speed_sim_s_per_wall_s", "{:.1f} × real time")),
     ]
     return [row for row in rows if row[1]]

@@ -29,10 +29,19 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
     return {
         **_head(data.scenario, run, checks),
         "expectations": [check._asdict() for check in checks],
-        "figures": figures(data, max(loop_s, default=None)),
+        "figures": {**figures(data, max(loop_s, default=None)), **_effort(run)},
         "events": event_figures(data),
         **_tail(data.scenario, run),
     }
+
+
+def _effort(run: dict[str, Any]) -> dict[str, float]:
+    """Processor use of plant, controller and both recorders together, in cores."""
+    told = [p for p in run.get("processes", {}).values() if p.get("cpu_s") and p.get("loop_s")]
+    if not told:
+        return {}
+    cores = sum((p["cpu_s"] + p["recorder_cpu_s"]) / p["loop_s"] for p in told)
+    return {"processor_cores": cores}
 
 
 def summarise_fault(scenario: Scenario, run: dict[str, Any]) -> Summary:

@@ -11,6 +11,7 @@ from controller.duty import Duty
 from controller.loop import ControllerLoop
 from controller.state import initial_state, make_params
 from drivers.clock import SystemClock
+from drivers.effort import Effort
 from drivers.gpio import open_outputs, with_outputs
 from drivers.links import Connection, open_link
 from drivers.process import (
@@ -23,6 +24,7 @@ from drivers.process import (
     read_arguments,
 )
 from drivers.service import ENDLESS, Service
+from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
@@ -95,20 +97,23 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
     if service is not None:
         duty = Duty(service.heart, service, connection.commands)
         connection = connection._replace(commands=duty.commands)
+    effort = Effort(recorder)
     try:
         pacer = make_pacer(scenario)
         loop = make_loop(scenario, connection, pacer, recorder)
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
+        snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         if service is not None:
             service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
             follow_in_real_time(loop, connection, pacer.patience_ns, ENDLESS, stop, duty)
         else:
             connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+            effort = Effort(recorder)
             last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
             drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
             drive(loop, connection, pacer.patience_ns, last_tick, stop)
-        last_words({**facts(loop, connection), "granted": granted})
+        last_words({**facts(loop, connection), "granted": granted, **effort.told()})
     finally:
         if service is not None and stop.requested:
             service.ends()

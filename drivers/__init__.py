@@ -1,1 +1,3 @@
 """Adapters behind the ports: links, recorder, clock."""
+
+import hil as _hil  # noqa: F401 (compiled modules must be found from the first import on)

@@ -23,7 +23,7 @@ class SystemClock:
 
     __slots__ = ("_spin_ns",)
 
-    def __init__(self, spin_s: float = 150e-6, period_ns: int | None = None) -> None:
+    def __init__(self, spin_s: float = 60e-6, period_ns: int | None = None) -> None:
         if not 0.0 <= spin_s <= MAX_SPIN_S:
             raise ConfigError(f"realtime.spin_s = {spin_s!r}: accepted 0 to {MAX_SPIN_S:g} s")
         spin_ns = round(spin_s * 1e9)

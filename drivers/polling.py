@@ -12,7 +12,7 @@ from typing import Final
 
 Take = Callable[[], bytes | None]
 
-_AHEAD_NS: Final = 150_000  # how long before an expected arrival to stop sleeping
+_AHEAD_NS: Final = 60_000  # how long before an expected arrival to stop sleeping
 _AHEAD_SHARE: Final = 0.4  # and of a short period at most this, so that the loop does sleep
 _YIELD_NS: Final = 150_000  # how long after it to go on yielding
 _YIELD_LOCKSTEP_NS: Final = 50_000_000

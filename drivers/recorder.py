@@ -49,6 +49,8 @@ class LogResult(NamedTuple):
 class NullRecorder:
     """A recorder for runs without a log."""
 
+    pid: int | None = None
+
     def put(self, data: bytes, /) -> None:
         """Forget the bytes."""
 

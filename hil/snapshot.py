@@ -8,6 +8,7 @@ choice (a union, Any) is the class named, and then it must be a NamedTuple alrea
 
 from __future__ import annotations
 
+import ast
 import json
 import sys
 import types
@@ -16,6 +17,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
+from hil import compiled
 from hil.errors import LogError
 
 _SCALARS = (bool, int, float, str, type(None))
@@ -90,9 +92,21 @@ def _is_named_tuple(kind: object) -> bool:
     return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, _named_tuple_fields)
 
 
+def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
+    """The type of each field; compiled classes have lost theirs, which are read from the source."""
+    if not compiled.is_compiled(kind.__module__):
+        return get_type_hints(kind)
+    scope = vars(sys.modules[kind.__module__])
+    source = compiled.root() / f"{kind.__module__.replace('.', '/')}.py"
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    fields = (n for n in found.body if isinstance(n, ast.AnnAssign))
+    return {ast.unparse(n.target): eval(ast.unparse(n.annotation), scope) for n in fields}
+
+
 def _named(kind: Any) -> _Form:  # noqa: ANN401
     """A NamedTuple: the list of its fields."""
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     names: tuple[str, ...] = kind._fields
     forms = [_form(hints[name]) for name in names]
     writers = [(i, form.write) for i, form in enumerate(forms) if form.write is not None]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import SystemClock
+from drivers.effort import Effort
 from drivers.links import Connection, open_link
 from drivers.process import (
     Stop,
@@ -19,6 +19,7 @@ from drivers.process import (
     read_arguments,
 )
 from drivers.service import ENDLESS, Heart, Service
+from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
@@ -95,10 +96,10 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
         wait_for_controller(scenario, connection, stop, service)
         heart = Heart() if service is None else service.heart
         ticks = ticks_of(scenario) if service is None else ENDLESS
-        start_s = time.perf_counter()
+        snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
+        effort = Effort(recorder)
         tick = turn_until(loop, ticks, stop, heart)
-        loop_s = time.perf_counter() - start_s
-        last_words({**facts(loop, connection, tick), "granted": granted, "loop_s": loop_s})
+        last_words({**facts(loop, connection, tick), "granted": granted, **effort.told()})
     finally:
         if service is not None and stop.requested:
             service.ends()

@@ -81,7 +81,7 @@ class RealtimeConfig(Section):
     priority: int = Field(default=20, ge=0, le=98, description="SCHED_FIFO priority, 0: leave")
     cpu: int | None = Field(default=None, ge=0, le=1023)
     lock_memory: bool = False
-    spin_s: float = Field(default=0.15e-3, ge=0.0, le=2e-3)
+    spin_s: float = Field(default=0.06e-3, ge=0.0, le=2e-3)
 
 
 class LogConfig(Section):

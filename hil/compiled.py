@@ -1,0 +1,103 @@
+"""Compiled twins of the modules that run in every tick, in use only while they match the sources.
+
+`hil compile` has mypyc turn those modules into C: the same source, the same arithmetic, the same
+bits, at less than half the time. What it builds lies in a directory named by a hash of the sources,
+of all that they import of ours (its types are compiled in), and of the Python it is for. Once one
+is edited that name is another, and everything is interpreted until `hil compile` is run again.
+
+HIL_COMPILED : a directory to look in instead of ~/.cache/fpeg-hil/compiled; `off` for none
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import os
+import sys
+from collections.abc import Sequence
+from hashlib import blake2b
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+GROUP: Final = "fpeg_hil"
+"""mypyc puts the code of all modules into one library, `<group>__mypyc`."""
+
+PATTERNS: Final = (
+    "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py",
+    "plant/*.py", "controller/*.py", "controller/laws/*.py",
+    "drivers/memory_link.py", "drivers/ring.py", "drivers/polling.py", "drivers/can_assembly.py",
+    "bench/offline.py",
+)  # fmt: skip
+_START_UP: Final = ("__init__.py", "main.py", "commands.py")
+"""Not worth it, and read once."""
+
+_PACKAGES: Final = ("hil", "plant", "controller", "drivers")
+_SUFFIX: Final = importlib.machinery.EXTENSION_SUFFIXES[0]
+
+
+def sources(root: Path) -> list[Path]:
+    """Return the files to compile, relative to the directory that holds the packages."""
+    found = {path.relative_to(root) for pattern in PATTERNS for path in root.glob(pattern)}
+    return sorted(path for path in found if path.name not in _START_UP)
+
+
+def key_of(root: Path) -> str:
+    """Return the name under which what these sources compile to is kept."""
+    total = blake2b(_SUFFIX.encode(), digest_size=10)
+    known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
+    for path in (*known, root / "bench" / "offline.py"):
+        total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
+    return total.hexdigest()
+
+
+def root() -> Path:
+    """Return the directory that holds the packages."""
+    return Path(__file__).resolve().parent.parent
+
+
+def base() -> Path | None:
+    """Return where compiled modules are kept; None when they are switched off."""
+    told = os.environ.get("HIL_COMPILED")
+    if told == "off":
+        return None
+    if told:
+        return Path(told)
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "fpeg-hil" / "compiled"
+
+
+class _Finder:
+    """Finds the compiled twin of a module before the import system looks for its source."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def find_spec(
+        self, name: str, _path: Sequence[str] | None, _target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return the spec of a compiled module; None for any other."""
+        file = self._directory / f"{name.replace('.', '/')}{_SUFFIX}"
+        return importlib.util.spec_from_file_location(name, file) if file.is_file() else None
+
+
+def use() -> None:
+    """Let imports from here on find the compiled modules, if there are any of these sources."""
+    where = base()
+    if where is None or not where.is_dir():
+        return
+    directory = where / key_of(root())
+    if directory.is_dir():
+        sys.meta_path.insert(0, _Finder(directory))
+
+
+def in_force() -> bool:
+    """Whether this process runs compiled modules."""
+    return any(isinstance(finder, _Finder) for finder in sys.meta_path)
+
+
+def is_compiled(module: str) -> bool:
+    """Whether a loaded module is a compiled one."""
+    spec = getattr(sys.modules.get(module), "__spec__", None)
+    return spec is not None and str(spec.origin).endswith(_SUFFIX)
