@@ -15,7 +15,9 @@ try:
 except ImportError:
     raise MissingExtraError("numba", "detailed", "the detailed engine") from None
 
-_SOURCES = ("compiler", "layout", "types", "gas", "machine", "kernel", "programme", "solver")
+_SOURCES = (
+    "compiler", "layout", "types", "gas", "machine", "kernel", "programme", "steps", "solver",
+)  # fmt: skip
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

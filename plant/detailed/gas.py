@@ -36,7 +36,7 @@ def heat_to_wall(
     wall = p[b + at.WALL]
     if wall == 0.0:
         return 0.0
-    logs = -0.06 * math.log(volume) + 0.8 * math.log(p_gas) - 0.4 * math.log(t_gas)
+    logs = 0.4 * math.log(p_gas * p_gas / t_gas) - 0.06 * math.log(volume)
     area = p[b + at.END_AREA] + p[b + at.PERIMETER] * gap
     return float(wall * heat * math.exp(logs) * area * (t_gas - p[b + at.T_WALL]))
 
@@ -48,6 +48,6 @@ def heat_release(p: Array, q_in: float, tau: float) -> float:
         return 0.0
     a, b, burn = p[at.WIEBE_A], p[at.WIEBE_B], p[at.BURN_S]
     u = tau / burn
-    power = u**b
+    power = u * u if b == 2.0 else u**b
     exponent = a * power * u
     return float(q_in * a * (b + 1.0) / burn * power * math.exp(-exponent))

@@ -1,4 +1,4 @@
-"""Fixed-step Runge-Kutta of fourth order with located events, compiled.
+"""Fixed steps with located events, compiled.
 
 A step ends early at what is due: an edge given from outside, a position of the programme, a dead
 centre, a contact. Nothing is allocated: the caller brings the arrays.
@@ -14,64 +14,27 @@ from plant.detailed import layout as at
 from plant.detailed.compiler import compiled
 from plant.detailed.kernel import pressure, rates
 from plant.detailed.programme import enter_stroke, perform
+from plant.detailed.steps import WORK_ROWS, one_step, plan_step
 from plant.detailed.types import Array
 
 _ITERATIONS = 12
 _NEAR_M = 1.0e-13
 _NEAR_M_S = 1.0e-11
-_STABLE = 2.4
 _BREAK_AWAY_N = 0.05
 _MOST_STEPS_IN_PLACE = 200
 
 
 @compiled
-def rk4(p: Array, d: Array, y: Array, work: Array, t: float, h: float) -> None:
-    """One classical step from y with slope work[0]; the result is work[5]."""
-    k1, k2, k3, k4, trial, result = work[0], work[1], work[2], work[3], work[4], work[5]
-    for n in range(at.N_Y):
-        trial[n] = y[n] + 0.5 * h * k1[n]
-    rates(p, d, trial, k2, t + 0.5 * h)
-    for n in range(at.N_Y):
-        trial[n] = y[n] + 0.5 * h * k2[n]
-    rates(p, d, trial, k3, t + 0.5 * h)
-    for n in range(at.N_Y):
-        trial[n] = y[n] + h * k3[n]
-    rates(p, d, trial, k4, t + h)
-    for n in range(at.N_Y):
-        result[n] = y[n] + h / 6.0 * (k1[n] + 2.0 * (k2[n] + k3[n]) + k4[n])
-
-
-@compiled
-def stable_step(p: Array, d: Array, y: Array, h: float) -> float:
-    """The longest step that follows pressures through an open valve, and the machine's circuit.
-
-    lambda = gamma C_d A sqrt(R T) f'(0) / V, the rate at which a small difference dies out.
-    """
-    fastest = 0.0
-    load = d[at.LOAD] * d[at.LOAD_SCALE]
-    if p[at.MACHINE] == at.CIRCUIT and load > 0.0:
-        fastest = p[at.K_FORCE] * p[at.K_EMF] / load / p[at.INDUCTANCE]
-        fastest = max(fastest, math.sqrt(p[at.INV_CAPACITANCE] / p[at.INDUCTANCE]))
-    elif p[at.MACHINE] == at.DQ:
-        fastest = max(p[at.REGULATOR], p[at.RESISTANCE] / p[at.INDUCTANCE])
-    if d[at.SPEED_REF] != 0.0:
-        fastest = max(fastest, p[at.SERVO])
-    for c in range(2):
-        e, b = at.CYL + c * at.CYL_STRIDE, at.CYL_P + c * at.CYL_P_STRIDE
-        cda = d[e + at.INTAKE] * p[b + at.CDA_IN] + d[e + at.EXHAUST] * p[b + at.CDA_EX]
-        if cda > 0.0:
-            gap = p[b + at.LENGTH] + p[b + at.SIGN] * y[at.X]
-            rt = (p[at.GAMMA] - 1.0) * y[at.U + at.GAS_STRIDE * c] / y[at.M + at.GAS_STRIDE * c]
-            rate = p[at.GAMMA] * cda * math.sqrt(rt) * p[at.CUBIC_1] / p[at.SMALL]
-            fastest = max(fastest, rate / (p[b + at.AREA] * gap))
-    if fastest * h <= _STABLE:
-        return h
-    return h / math.ceil(fastest * h / _STABLE)
-
-
-@compiled
 def locate(
-    p: Array, d: Array, y: Array, work: Array, t: float, h: float, index: int, target: float
+    p: Array,
+    d: Array,
+    y: Array,
+    work: Array,
+    t: float,
+    h: float,
+    index: int,
+    target: float,
+    implicit: bool,
 ) -> float:
     """Part of the step h after which y[index] equals target; leaves the state there in work[5].
 
@@ -83,7 +46,7 @@ def locate(
     end = work[5, index] - target
     s = h * min(max(start / (start - end), 0.0), 1.0) if start != end else 0.5 * h
     for _ in range(_ITERATIONS):
-        rk4(p, d, y, work, t, s)
+        one_step(p, d, y, work, t, s, implicit)
         error = work[5, index] - target
         if abs(error) < near:
             break
@@ -172,7 +135,8 @@ def advance(
 ) -> int:
     """Move on to t_end, or with `stop` to the first dead centre or contact.
 
-    Parameters: work : (8, N_Y) scratch; record : (rows, N_REC), one row a dead centre, in a ring
+    Parameters: work : (WORK_ROWS, N_Y) scratch
+        record : (rows, N_REC), one row a dead centre, in a ring
     Returns: TIME_UP, DEAD_CENTRE or CONTACT; FAILED when time does not get on
     """
     h_last = 0.0
@@ -183,11 +147,11 @@ def advance(
         if d[at.DIRECTION] == 0.0 and wake(p, d, y, programme, work[0]):
             continue
         watch_peaks(p, d, y, work[0], t, h_last)
-        h = stable_step(p, d, y, min(p[at.STEP_S], t_end - t))
+        h, implicit = plan_step(p, d, y, work, min(p[at.STEP_S], t_end - t))
         if t + 1.5 * h >= t_end > t + h:
             h = 0.5 * (t_end - t)
-        rk4(p, d, y, work, t, h)
-        what, spent = settle(p, d, y, programme, work, t, h)
+        one_step(p, d, y, work, t, h, implicit)
+        what, spent = settle(p, d, y, programme, work, t, h, implicit)
         at_end = spent == h and t_end - t == h
         take(y, work)
         d[at.T] = t_end if at_end else t + spent
@@ -207,7 +171,14 @@ def advance(
 
 @compiled
 def settle(
-    p: Array, d: Array, y: Array, programme: Array, work: Array, t: float, h: float
+    p: Array,
+    d: Array,
+    y: Array,
+    programme: Array,
+    work: Array,
+    t: float,
+    h: float,
+    implicit: bool,
 ) -> tuple[int, float]:
     """Find what ends this step, and shorten the step to it.
 
@@ -218,15 +189,15 @@ def settle(
         return at.TIME_UP, h
     what, spent = at.TIME_UP, h
     if work[5, at.V] * direction <= 0.0:
-        spent = locate(p, d, y, work, t, h, at.V, 0.0)
+        spent = locate(p, d, y, work, t, h, at.V, 0.0, implicit)
         what = at.DEAD_CENTRE
     target = due_position(d, programme)
     if (work[5, at.X] - target) * direction >= 0.0:
-        spent = locate(p, d, y, work, t, spent, at.X, target)
+        spent = locate(p, d, y, work, t, spent, at.X, target, implicit)
         what = at.AT_POSITION
     wall = contact_position(p, direction)
     if (work[5, at.X] - wall) * direction >= 0.0:
-        spent = locate(p, d, y, work, t, spent, at.X, wall)
+        spent = locate(p, d, y, work, t, spent, at.X, wall, implicit)
         what = at.CONTACT
     return what, spent
 
@@ -321,4 +292,4 @@ def write_row(p: Array, d: Array, y: Array, record: Array) -> None:
 
 def scratch() -> Array:
     """Work space for `advance`."""
-    return np.zeros((8, at.N_Y))
+    return np.zeros((WORK_ROWS, at.N_Y))

@@ -10,8 +10,11 @@ from hypothesis import strategies as st
 from hil.config.detailed import names, read
 from hil.errors import ConfigError
 from plant.detailed import layout as at
-from plant.detailed.engine import at_rest, begin, engine_of, run_for, strokes
+from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.detailed.gas import flow, heat_release, heat_to_wall
+from plant.detailed.kernel import rates
+from plant.detailed.solver import scratch
+from plant.detailed.steps import linearise, rosenbrock, valve_rate
 
 ENGINE = engine_of(read("nu-two-stroke"))
 P = ENGINE.p
@@ -100,3 +103,37 @@ def test_each_calibrated_value_has_a_reason(name):
 def test_unknown_engine_is_refused_by_name():
     with pytest.raises(ConfigError, match=r"'v8': accepted are bit-running"):
         read("v8")
+
+
+def test_implicit_step_is_of_third_order_and_follows_a_stiff_valve():
+    """Halving the step with open valves divides the error by eight; long steps stay stable."""
+    engine = engine_of(read("nu-four-stroke"))
+    motion = running(engine)
+    run_for(engine, motion, 0.05)  # intake of one cylinder, exhaust of the other
+    work = scratch()
+    ends = {}
+    for steps in (1, 4, 8, 256):
+        y, t, h = motion.y.copy(), motion.d[at.T], 4e-4 / steps
+        for n in range(steps):
+            rates(engine.p, motion.d, y, work[0], t)
+            linearise(engine.p, motion.d, y, work, 0)
+            linearise(engine.p, motion.d, y, work, 1)
+            rosenbrock(engine.p, motion.d, y, work, t + n * h, h)
+            y = work[5].copy()
+        ends[steps] = y
+    assert valve_rate(engine.p, motion.d, motion.y) * 4e-4 > 10.0
+    errors = [np.abs(ends[n][: at.CASE_U] / ends[256][: at.CASE_U] - 1.0).max() for n in (1, 4, 8)]
+    assert errors[0] < 1e-3
+    assert errors[1] / errors[2] > 5.0
+
+
+def test_vectors_of_the_jacobian_keep_mass_and_energy():
+    engine = engine_of(read("nu-four-stroke"))
+    motion = running(engine)
+    run_for(engine, motion, 0.05)
+    work = scratch()
+    linearise(engine.p, motion.d, motion.y, work, 0)
+    g, s = work[12], at.SUM
+    assert g[at.U] != 0.0
+    assert g[at.U] == pytest.approx(g[s + at.H_IN] - g[s + at.H_EX], rel=1e-14)
+    assert g[at.M] == pytest.approx(g[s + at.M_IN] - g[s + at.M_EX], rel=1e-14)
