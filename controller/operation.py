@@ -125,7 +125,9 @@ def _enter(params: Params, state: State, mode: Mode, t_ns: int) -> State:
         return state._replace(law=law, fired_strokes=1)
     if mode is Mode.MOTORING:
         return state._replace(plan=NO_PLAN, demand=NO_DEMAND, pulses=())
-    return state._replace(plan=NO_PLAN, demand=NO_DEMAND, pulses=(), fired_t_ns=-1, misfires=0)
+    return state._replace(
+        plan=NO_PLAN, demand=NO_DEMAND, pulses=(), fired_t_ns=-1, misfires=0, beyond_kg=0.0
+    )
 
 
 def _check_is_due(state: State, t_ns: int) -> bool:

@@ -38,6 +38,7 @@ class State(NamedTuple):
 
     law_name: the law in force, whose state is `law`
     burnt_kg: fuel planned for the last dead centre at the left and at the right head
+    beyond_kg: what the law has been asking for beyond the steady fuel, averaged over some strokes
     """
 
     mode: Mode
@@ -54,6 +55,7 @@ class State(NamedTuple):
     since_t_ns: int
     law_name: str
     burnt_kg: tuple[float, float]
+    beyond_kg: float
 
 
 class Inputs(NamedTuple):
@@ -114,5 +116,5 @@ def initial_state(params: Params) -> State:
     return State(
         mode, motion, set_points, params.law.initial, NO_DEMAND, NO_PLAN, (),
         0, 0, -1, params.config.start.open_strokes, 0, params.law.name,
-        (set_points.point.fuel_kg, set_points.point.fuel_kg),
+        (set_points.point.fuel_kg, set_points.point.fuel_kg), 0.0,
     )  # fmt: skip

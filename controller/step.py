@@ -37,6 +37,9 @@ SHORTEST_STROKE = 0.3
 
 NO_CHARGES = (0.0, 0.0)
 
+BEYOND_SHARE = 0.2
+"""Of each stroke's demand in the average that a restart begins with."""
+
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     """Answer one tick.
@@ -50,6 +53,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         params.config, params.engine, state.set_points, params.period_ns * 1e-9
     )
     law, demand, plan, burnt_kg = state.law, state.demand, state.plan, state.burnt_kg
+    beyond_kg = state.beyond_kg
     stroke = None
     if passed.dead_centre:
         if _fires(params, motion.stroke - 1):
@@ -61,7 +65,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         plan, demand = NO_PLAN, NO_DEMAND
     due = passed.mid_stroke and _fires(params, motion.stroke)
     if due and _may_fire(params, mode, motion, set_points):
-        law, demand = _demand(params, state, motion, set_points)
+        law, demand, beyond_kg = _demand(params, state, motion, set_points)
         plan = timing.plan_injection(
             params.config, motion, t_ns, params.period_ns, set_points.point.stroke_s, demand.fuel_kg
         )
@@ -81,7 +85,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     after = State(
         mode, motion, set_points, law, demand, plan, pulses, stale,
         state.misfires, state.fired_t_ns, state.fired_strokes, state.since_t_ns, state.law_name,
-        burnt_kg,
+        burnt_kg, beyond_kg,
     )  # fmt: skip
     messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
     may_fire = mode in FIRING_MODES
@@ -151,11 +155,15 @@ def _may_fire(params: Params, mode: Mode, motion: Motion, set_points: SetPoints)
 
 def _demand(
     params: Params, state: State, motion: Motion, set_points: SetPoints
-) -> tuple[Any, Demand]:
-    """Level 3: the fuel for the dead centre ahead; after a start first the steady fuel."""
+) -> tuple[Any, Demand, float]:
+    """Level 3: the fuel for the dead centre ahead; after a restart that of the strokes before it.
+
+    Returns: the law's state, its demand, and `State.beyond_kg`
+    """
     config, point, law = params.config, set_points.point, state.law
+    beyond_kg = state.beyond_kg
     if state.mode is Mode.MOTORING or state.fired_strokes < config.start.open_strokes:
-        demand = Demand(point.fuel_kg, point.v_mid_m_s)
+        demand = Demand(point.fuel_kg + beyond_kg, point.v_mid_m_s)
     else:
         most = config.limits.fuel_max_kg * set_points.throttle
         facts = StrokeFacts(
@@ -164,7 +172,8 @@ def _demand(
             1 if motion.direction > 0 else 0, state.burnt_kg, params.model,
         )  # fmt: skip
         law, demand = LAWS[state.law_name].step(config, law, facts)
-    return law, safety.limit_fuel(config.limits, set_points.throttle, demand)
+        beyond_kg += BEYOND_SHARE * (demand.fuel_kg - point.fuel_kg - beyond_kg)
+    return law, safety.limit_fuel(config.limits, set_points.throttle, demand), beyond_kg
 
 
 def _machine(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) -> Machine:

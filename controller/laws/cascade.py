@@ -44,4 +44,4 @@ def take_over(config: ControllerConfig, handover: Handover) -> CascadeState:
     return CascadeState(outer, 0.5 * (burnt[0] + burnt[1]) - point.fuel_kg)
 
 
-LAW = Law("cascade", CascadeState(), step, take_over=take_over)
+LAW = Law("cascade", CascadeState(), step, take_over=take_over, after_restart=lambda state: state)

@@ -39,4 +39,6 @@ def take_over(config: ControllerConfig, handover: Handover) -> SingleLoopState:
     return SingleLoopState(0.5 * (burnt[0] + burnt[1]) - handover.point.fuel_kg)
 
 
-LAW = Law("single-loop", SingleLoopState(), step, take_over=take_over)
+LAW = Law(
+    "single-loop", SingleLoopState(), step, take_over=take_over, after_restart=lambda state: state
+)
