@@ -11,7 +11,10 @@ app = typer.Typer(
     name="fmu", help="Functional Mock-up Units: export ours, look at others.", no_args_is_help=True
 )
 
-ModelName = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
+ModelName = Literal[
+    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting"
+]
+Prototype = Literal["nu", "bit"]
 
 
 @app.command()
@@ -19,16 +22,20 @@ def export(
     out: Annotated[Path, typer.Argument(help="File to write, as engine.fmu.")],
     *,
     model: Annotated[ModelName, typer.Option(help="Engine model.")] = "harmonic",
-    prototype: Annotated[Literal["nu", "bit"], typer.Option(help="Engine.")] = "nu",
+    prototype: Annotated[
+        Prototype | None, typer.Option(help="Engine; nu, but bit for starting.")
+    ] = None,
     fmi: Annotated[Literal["2", "3"], typer.Option(help="Version of the standard.")] = "3",
 ) -> None:
     """Write an engine model as a unit for co-simulation: a binary of this machine and its sources.
 
-    Needs the extra `fmu` and a C compiler; the unit itself needs neither.
+    Needs the extra `fmu` and a C compiler, and `detailed` for a detailed engine; the unit itself
+    needs none of them.
     """
     from bench.fmu_export import export as write
 
-    made = write(out, model, prototype, int(fmi))
+    engine = prototype or ("bit" if model == "starting" else "nu")
+    made = write(out, model, engine, int(fmi))
     print(f"{made.path}: FMI {fmi}.0, {made.platform}, {made.variables} variables")
 
 

@@ -28,6 +28,7 @@ def describe_model(
     identifier: str,
     token: str,
     sources: Sequence[str],
+    detailed: bool = False,
 ) -> bytes:
     """Return modelDescription.xml; `name` is MODEL.PROTOTYPE."""
     three = version > 2
@@ -35,7 +36,8 @@ def describe_model(
     root.set("fmiVersion", "3.0" if three else "2.0")
     root.set("modelName", name)
     root.set("instantiationToken" if three else "guid", token)
-    root.set("description", "Dual-piston free-piston engine generator, fast-response model")
+    kind = "detailed" if detailed else "fast-response"
+    root.set("description", f"Dual-piston free-piston engine generator, {kind} model")
     root.set("license", "Apache-2.0")
     root.set("generationTool", ORIGIN)
     root.set("variableNamingConvention", "flat")
@@ -60,7 +62,7 @@ def _co_simulation(root: Element, identifier: str, sources: Sequence[str], *, th
     unit.set("canHandleVariableCommunicationStepSize", _TRUE)
     unit.set("canGetAndSetFMUState" if three else "canGetAndSetFMUstate", _TRUE)
     unit.set("canSerializeFMUState" if three else "canSerializeFMUstate", _TRUE)
-    if not three:
+    if sources and not three:
         listed = SubElement(unit, "SourceFiles")
         for name in sources:
             SubElement(listed, "File", name=name)

@@ -1,6 +1,7 @@
-"""A fast-response engine of ours as a Functional Mock-up Unit: C sources, a binary, a description.
+"""An engine of ours as a Functional Mock-up Unit: a binary, a description, and C sources.
 
-The sources (plant/fmu/source) do what plant/step.py does, operation for operation. The unit needs
+The sources of a fast-response model (plant/fmu/source) do what plant/step.py does, operation for
+operation; a detailed engine brings its compiled step (bench/fmu_detailed.py). The unit needs
 nothing at run time but the C library.
 """
 
@@ -12,25 +13,28 @@ import platform
 import subprocess
 import tempfile
 import zipfile
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.fmu_description import Entry, describe_build, describe_model
-from hil.config.plant import PlantConfig
+from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
 from plant.fmu.archive import library
 from plant.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
 from plant.params import engine_of
 
-MODELS: Final = ("closed-form", "harmonic", "rectangular", "nonlinear")
+MODELS: Final = (
+    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
+)  # fmt: skip
 VERSIONS: Final = (2, 3)
 _FIRST_INT: Final = 1000
+_EXPORTS: Final = ("exports.map", "{ global: fmi*; local: *; };\n")
 _FLAGS: Final = (
     "-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-builtin",
-    "-ffp-contract=off", "-Wall", "-Wextra", "-Wno-unused-parameter",
+    "-ffp-contract=off", "-Wall", "-Wextra", "-Wl,-z,defs", f"-Wl,--version-script={_EXPORTS[0]}",
 )  # fmt: skip
-_SOURCES: Final = ("engine.c", "refused.c")
 _ZIP_DATE: Final = (1980, 1, 1, 0, 0, 0)
 
 
@@ -42,6 +46,14 @@ class Exported(NamedTuple):
     variables: int
 
 
+class Ingredients(NamedTuple):
+    """What is compiled: texts by file name, objects by file name, and whether others may do it."""
+
+    sources: dict[str, str]
+    objects: dict[str, bytes]
+    open: bool
+
+
 def export(out: Path, model: str, prototype: str, version: int) -> Exported:
     """Write a unit for co-simulation; the same sources and compiler give the same bytes.
 
@@ -49,37 +61,66 @@ def export(out: Path, model: str, prototype: str, version: int) -> Exported:
     """
     if model not in MODELS:
         raise ConfigError(f"--model {model}: accepted for a unit: {', '.join(MODELS)}")
-    entries = _entries(model, prototype)
-    identifier = f"fpeg_{model.replace('-', '_')}_{prototype}"
-    header = _header(entries)
-    sources = _read_sources(version)
-    sources["variables.h"] = header
-    token = _token(model, prototype, version, sources)
     folder = _folder(version)
-    defines = [f"-DMODEL={model.upper().replace('-', '_')}", f"-DFMI_VERSION={version}"]
-    defines.append(f'-DTOKEN="{token}"')
+    config = PlantConfig.model_validate({"model": model, "prototype": prototype})
+    detailed = model in DETAILED_MODELS
+    entries = _entries(config)
+    made = _detailed(config, version) if detailed else _fast(version)
+    sources = made.sources | {"variables.h": _header(entries)}
     names = [name for name in sources if name.endswith(".c")]
+    identifier = f"fpeg_{model}_{prototype}".replace("-", "_")
+    token = _token(model, prototype, version, sources)
+    given = {"FMI_VERSION": str(version), "TOKEN": f'"{token}"'}
+    given |= {"DETAILED": "1"} if detailed else {"MODEL": model.upper().replace("-", "_")}
     parts: dict[str, bytes] = {
         "modelDescription.xml": describe_model(
             entries, version, name=f"{model}.{prototype}", identifier=identifier, token=token,
-            sources=names,
+            sources=names if made.open else (), detailed=detailed,
         ),
-        f"binaries/{folder}/{identifier}.so": _compile(sources, names, defines),
+        f"binaries/{folder}/{identifier}.so": _compile(sources, made.objects, given),
     }  # fmt: skip
-    given = {"MODEL": model.upper().replace("-", "_"), "FMI_VERSION": str(version)}
-    sources["variables.h"] = _defined(header, given | {"TOKEN": f'"{token}"'})
-    if version > 2:
-        parts["sources/buildDescription.xml"] = describe_build(identifier, names)
-    parts |= {f"sources/{name}": text.encode() for name, text in sources.items()}
+    if made.open:
+        parts |= _source_parts(sources, given, identifier, version)
     _write(out, parts)
     return Exported(out, folder, len(entries))
 
 
-def _entries(model: str, prototype: str) -> list[Entry]:
+def _fast(version: int) -> Ingredients:
+    return Ingredients(_read_sources("engine.c", version), {}, open=True)
+
+
+def _detailed(config: PlantConfig, version: int) -> Ingredients:
+    """The engine's arrays and its compiled step; the latter is no source for another machine."""
+    module = import_module("bench.fmu_detailed")
+    sources = _read_sources("detailed.c", version) | {"arrays.h": module.header(config)}
+    return Ingredients(sources, {"step.o": module.step_object()}, open=False)
+
+
+def _source_parts(
+    sources: dict[str, str], given: dict[str, str], identifier: str, version: int
+) -> dict[str, bytes]:
+    """The sources as they go into the unit, for who builds it for another machine."""
+    sources = sources | {"variables.h": _defined(sources["variables.h"], given)}
+    parts = {f"sources/{name}": text.encode() for name, text in sources.items()}
+    if version > 2:
+        names = [name for name in sources if name.endswith(".c")]
+        parts["sources/buildDescription.xml"] = describe_build(identifier, names)
+    return parts
+
+
+def _entries(config: PlantConfig) -> list[Entry]:
     """Every variable with its reference: parameters, inputs, outputs, then what counts."""
-    config = PlantConfig.model_validate({"model": model, "prototype": prototype})
-    engine = engine_of(config.resolved_prototype(), model, config.contact_restitution)
-    own = [
+    own = [] if config.model in DETAILED_MODELS else _figures(config)
+    reals = [*own, *BEGINNING, *INPUTS, *(v for v in OUTPUTS if not v.whole)]
+    wholes = [v for v in OUTPUTS if v.whole]
+    entries = [Entry(variable, number) for number, variable in enumerate(reals, 1)]
+    return entries + [Entry(v, number) for number, v in enumerate(wholes, _FIRST_INT)]
+
+
+def _figures(config: PlantConfig) -> list[Variable]:
+    """The figures of a fast-response engine, as parameters."""
+    engine = engine_of(config.resolved_prototype(), config.model, config.contact_restitution)
+    return [
         _own("moving_mass_kg", "kg", "moving mass", engine.mass_kg),
         _own("area_m2", "m2", "area of a piston", engine.area_m2),
         _own("half_stroke_m", "m", "half of the full stroke", engine.half_stroke_m),
@@ -91,10 +132,6 @@ def _entries(model: str, prototype: str) -> list[Entry]:
         _own("spark_window_s", "s", "longest time from spark to dead centre",
              config.spark_window_s),
     ]  # fmt: skip
-    reals = [*own, *BEGINNING, *INPUTS, *(v for v in OUTPUTS if not v.whole)]
-    wholes = [v for v in OUTPUTS if v.whole]
-    entries = [Entry(variable, number) for number, variable in enumerate(reals, 1)]
-    return entries + [Entry(v, number) for number, v in enumerate(wholes, _FIRST_INT)]
 
 
 def _own(name: str, unit: str, text: str, start: float) -> Variable:
@@ -142,9 +179,9 @@ def _defined(header: str, values: dict[str, str]) -> str:
     return header.removesuffix("#endif\n") + lines + "#endif\n"
 
 
-def _read_sources(version: int) -> dict[str, str]:
+def _read_sources(engine: str, version: int) -> dict[str, str]:
     folder = files("plant.fmu") / "source"
-    names = ("engine.h", *_SOURCES, f"fmi{version}.c")
+    names = ("engine.h", engine, "refused.c", f"fmi{version}.c")
     return {name: (folder / name).read_text(encoding="utf-8") for name in names}
 
 
@@ -167,16 +204,20 @@ def _folder(version: int) -> str:
     return f"{machine}-linux" if version > 2 else str(library().platform)
 
 
-def _compile(sources: dict[str, str], names: list[str], defines: list[str]) -> bytes:
+def _compile(sources: dict[str, str], objects: dict[str, bytes], given: dict[str, str]) -> bytes:
     """Compile and link.
 
     Raises: ConfigError when there is no compiler, or it fails
     """
+    defines = [f"-D{name}={value}" for name, value in given.items()]
+    names = [name for name in sources if name.endswith(".c")] + list(objects)
     headers = Path(library().__file__).parent / "c-code"
     compiler = os.environ.get("CC", "cc")
     with tempfile.TemporaryDirectory(prefix="fmu-") as directory:
-        for name, text in sources.items():
+        for name, text in (*sources.items(), _EXPORTS):
             Path(directory, name).write_text(text, encoding="utf-8")
+        for name, data in objects.items():
+            Path(directory, name).write_bytes(data)
         command = [compiler, *_FLAGS, f"-I{headers}", *defines, *names, "-o", "unit.so", "-lm"]
         try:
             done = subprocess.run(

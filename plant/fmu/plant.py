@@ -147,7 +147,8 @@ class FmuPlant:
             if within.awaits_fraction(p, s, reached.t_ns):
                 here = s._replace(x_m=now["x_m"], v_m_s=now["v_m_s"])
                 stroke_s = self._undisturbed_s(p, here, until_ns, reached.t_ns) or stroke_s
-            s = within.dead_centre(p, s, reached, stroke_s, events)
+            every = self._config.fmu.like != "four-stroke"
+            s = within.dead_centre(p, s, reached, stroke_s, events, every=every)
         if s.pulses.next_edge_ns <= until_ns:
             s = s._replace(pulses=actuation.advance(s.pulses, injector, until_ns))
         x, v = now["x_m"], now["v_m_s"]
@@ -160,9 +161,10 @@ class FmuPlant:
     def _undisturbed_s(self, p: PlantParams, s: PlantState, now_ns: int, begun_ns: int) -> float:
         """Duration of the stroke under way if nothing disturbs it: run on, then set back.
 
-        Nought when the unit cannot be set back, or no dead centre comes.
+        Nought when the unit cannot be set back, when its charge burns before the dead centre (it is
+        not known yet how the next one will), or when no dead centre comes.
         """
-        if not self._unit.restores:
+        if not self._unit.restores or self._config.fmu.like in DETAILED_MODELS:
             return 0.0
         here, last = self._unit.remember(), self._last
         _, load, force = s.machine

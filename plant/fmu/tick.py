@@ -107,11 +107,18 @@ def awaits_fraction(p: PlantParams, s: PlantState, t_ns: int) -> bool:
 
 
 def dead_centre(
-    p: PlantParams, s: PlantState, r: Reached, stroke_s: float, events: list[Event]
+    p: PlantParams,
+    s: PlantState,
+    r: Reached,
+    stroke_s: float,
+    events: list[Event],
+    *,
+    every: bool = True,
 ) -> PlantState:
     """Enter the dead centre, its charge and its disturbances, and begin the next stroke.
 
     Parameters: stroke_s : how long that stroke lasts if nothing disturbs it
+        every : whether every stroke is to fire while the engine runs
     """
     side = RIGHT if s.stroke.direction > 0 else LEFT
     touch = Event(r.t_ns, CONTACT, f"piston against the {SIDES[side]} head")
@@ -125,7 +132,7 @@ def dead_centre(
             s = apply(p, s, due, r.t_ns, Held(s.x_m, s.v_m_s), events)
         else:
             s = s._replace(disturbances=disturbances.put(s.disturbances, due))
-    s, fuel_kg = _burn(p, s, r, side, events)
+    s, fuel_kg = _burn(p, s, r, side, events, every=every)
     number = s.dead_centre.number + r.times
     eta = efficiency(p, s.disturbances.efficiency, number) if fuel_kg else 1.0
     return s._replace(
@@ -136,7 +143,7 @@ def dead_centre(
 
 
 def _burn(
-    p: PlantParams, s: PlantState, r: Reached, side: int, events: list[Event]
+    p: PlantParams, s: PlantState, r: Reached, side: int, events: list[Event], *, every: bool
 ) -> tuple[PlantState, float]:
     """Say what became of the charge of that side, then scavenge it; returns the fuel burnt."""
     injector = Injector(p.flow_kg_s, p.dead_time_ns)
@@ -145,7 +152,7 @@ def _burn(
     spark_ns = pulses.spark_ns[side]
     dis, cause = disturbances.take_misfire(s.disturbances)
     reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, r)
-    intended = fuel_kg > 0.0 or spark_ns >= 0 or s.stroke.fuel_kg > 0.0
+    intended = fuel_kg > 0.0 or spark_ns >= 0 or (every and s.stroke.fuel_kg > 0.0)
     if reason and (intended or cause):
         events.append(Event(r.t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
     pulses = actuation.scavenge(pulses, injector, side, r.t_ns)

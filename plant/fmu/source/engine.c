@@ -497,7 +497,7 @@ void engine_begin(Engine *e, double t) {
     tell(e);
 }
 
-void engine_step(Engine *e, double t, double h) {
+int engine_step(Engine *e, double t, double h) {
     State *s = &e->state;
     double used = 0.0;
     int stops;
@@ -523,4 +523,5 @@ void engine_step(Engine *e, double t, double h) {
     }
     s->t = t + h;
     tell(e);
+    return 0;
 }

@@ -4,6 +4,16 @@
 
 #include "variables.h"
 
+#ifdef DETAILED
+#include "arrays.h"
+
+/* The arrays of plant/detailed/layout.py; times in them count from `origin`. */
+typedef struct {
+    double t, origin, lit;
+    double last_spark[2];
+    double y[N_Y], d[N_D];
+} State;
+#else
 /* A path from one event to the next: an exact solution, or the coefficients of the gas force. */
 typedef struct {
     double start, decay, omega_d, y, y_sine, w, w_sine, centre, omega, g, h, omega_sq;
@@ -17,6 +27,8 @@ typedef struct {
     int moving, direction, latched;
 } State;
 
+#endif
+
 /* Everything about an instance that a copy of it must hold; no pointers. */
 typedef struct {
     double reals[N_REALS];
@@ -26,6 +38,7 @@ typedef struct {
 
 void engine_defaults(Engine *e);
 void engine_begin(Engine *e, double t);
-void engine_step(Engine *e, double t, double h);
+/* Returns 0, or 1 when the motion cannot be followed. */
+int engine_step(Engine *e, double t, double h);
 
 #endif

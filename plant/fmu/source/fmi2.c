@@ -147,6 +147,5 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_ro
     if (!(h > 0.0)) {
         return fmi2Error;
     }
-    engine_step(ENGINE, t, h);
-    return fmi2OK;
+    return engine_step(ENGINE, t, h) ? fmi2Error : fmi2OK;
 }

@@ -173,7 +173,6 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean 
         *last = t;
         return fmi3Error;
     }
-    engine_step(ENGINE, t, h);
     *last = t + h;
-    return fmi3OK;
+    return engine_step(ENGINE, t, h) ? fmi3Error : fmi3OK;
 }

@@ -27,7 +27,7 @@ static void turn(Engine *e, double v) {
     s->energy = spark >= 0.0 ? fuel * PUSH_N_KG * (v < 0.0 ? 1.0 : -1.0) : 0.0;
 }
 
-void engine_step(Engine *e, double t, double h) {
+int engine_step(Engine *e, double t, double h) {
     State *s = &e->state;
     int steps = (int)round(h / TICK);
     (void)t;
@@ -42,4 +42,5 @@ void engine_step(Engine *e, double t, double h) {
     }
     R(PISTON_POSITION) = 1.0e3 * s->x;
     R(PISTON_SPEED) = 1.0e3 * s->v;
+    return 0;
 }
