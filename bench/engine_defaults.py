@@ -21,8 +21,8 @@ _FIRES = {
 _SLOPE_STEP = 0.005
 _LOW_BEFORE_SPARK_S = 0.2e-3
 
-_FOUR_STROKE_LEAD_TICKS = 1
-"""From mid-stroke to spark it is 4 ms in a power stroke: injection has to begin at once."""
+_FOUR_STROKE_LEAD_TICKS = 2
+"""From mid-stroke to spark it is 5 ms in a power stroke, and injection takes 1.4 ms of them."""
 
 _SPARK_AHEAD_S = 2.5e-3
 """Planned earlier, the spark would keep the error of a prediction from far away."""
