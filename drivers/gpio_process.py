@@ -1,9 +1,7 @@
 """The process that drives the TTL lines: fed with the frames that are sent, edges placed by time.
 
-python -m drivers.gpio_process --low --config FILE    sets all lines low (after a crash)
-
 It holds the lines low before the first frame, in the safe state, after silence, when the loop's
-process is gone, and when it ends.
+process is gone, and when it ends. After its kill drivers/gpio_low.py does.
 """
 
 from __future__ import annotations
@@ -16,13 +14,12 @@ import struct
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 from typing import Final
 
 from drivers.gpio_lines import GpiodLines, Lines
 from drivers.gpio_schedule import EdgeSchedule, PlantClock, unwrapped_ns
-from drivers.process import guarded, read_scenario
+from drivers.process import guarded
 from drivers.ring import Consumer
 from hil.codec import Decoder
 from hil.config.outputs import OutputsConfig
@@ -163,18 +160,8 @@ def serve(told: dict[str, object]) -> int:
 def run(argv: list[str] | None = None) -> int:
     """Read the arguments and do what they say."""
     parser = argparse.ArgumentParser(prog="gpio")
-    parser.add_argument("--low", action="store_true", help="set all lines low and end")
-    parser.add_argument("--config", type=Path, help="scenario whose lines are meant")
-    parser.add_argument("--serve", metavar="JSON", help="for the process that starts this one")
-    given = parser.parse_args(argv)
-    if given.serve is not None:
-        return serve(json.loads(given.serve))
-    if not given.low or given.config is None:
-        parser.error("--low needs --config")
-    outputs = read_scenario(given.config).outputs
-    if outputs.chip is not None:
-        GpiodLines(outputs).close()
-    return 0
+    parser.add_argument("--serve", metavar="JSON", required=True, help="what OutputProcess tells")
+    return serve(json.loads(parser.parse_args(argv).serve))
 
 
 def main() -> int:

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from drivers import ring
+from drivers import gpio_low, ring
 from drivers.analog import Calibration, IioInput
 from drivers.gpio import OutputLink, OutputProcess, open_outputs, with_outputs
 from drivers.gpio_lines import GpiodLines
@@ -116,15 +116,19 @@ def test_the_rings_bytes_are_cut_into_answers():
     assert split(data[:25]) == ([], data[:25])
 
 
-def test_the_drive_reads_acts_and_ends(driver):
+def test_the_drive_reads_acts_and_ends():
+    """The pulse is far ahead, and little of it too late, so that a busy machine has time for it."""
+    patient = CONFIG.model_copy(update={"silence_s": 60.0, "late_us": 60_000_000})
     fd = ring.create(1 << 14)
     producer, consumer = ring.Producer(fd), ring.Consumer(fd)
     os.close(fd)
-    now = time.monotonic_ns()
-    batch = Frames().answer(0, Pulse(0, 2000, 1000))
+    lines, now = FakeLines(), time.monotonic_ns()
+    batch = Frames().answer(0, Pulse(0, 50_000, 1000))
     producer.put(HEAD.pack(now, len(batch)) + batch)
-    drive(driver, consumer, 100_000, lambda: time.monotonic_ns() < now + 10 * MS)
-    assert driver.lines.edges == [(0, True), (0, False)]
+    end = now + 60_000 * MS
+    drive(EdgeDriver(lines, patient, MS), consumer, 100_000,
+          lambda: len(lines.edges) < 2 and time.monotonic_ns() < end)  # fmt: skip
+    assert lines.edges == [(0, True), (0, False)]
 
 
 class FakeRequest:
@@ -297,6 +301,43 @@ def test_without_a_chip_nothing_is_started():
     assert open_outputs(build({}, "file")) is None
     connection = open_memory()[0]
     assert with_outputs(connection, None) is connection
+
+
+LINE = """
+class Direction: OUTPUT = "out"
+class Value: INACTIVE = "low"
+"""
+CHIP = """
+class LineSettings:
+    def __init__(self, **given): self.given = given
+class request_lines:
+    def __init__(self, chip, config, consumer):
+        for offsets, settings in config.items():
+            print(chip, offsets, sorted(settings.given.items()))
+    def release(self): print("released")
+"""
+
+
+def set_low(tmp_path, config):
+    (tmp_path / "gpiod").mkdir()
+    (tmp_path / "gpiod" / "__init__.py").write_text(CHIP)
+    (tmp_path / "gpiod" / "line.py").write_text(LINE)
+    (tmp_path / "engine.toml").write_text(config)
+    return subprocess.run(
+        [sys.executable, "-P", gpio_low.__file__, tmp_path / "engine.toml"], check=True,
+        env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True,
+    ).stdout.splitlines()  # fmt: skip
+
+
+def test_lines_can_be_set_low_by_a_process_that_loads_next_to_nothing(tmp_path):
+    outputs = '[outputs]\nchip = "/dev/gpiochip0"\nlines = { spark_left = 17, spark_right = 4 }\n'
+    told = set_low(tmp_path, outputs + "active_low = true\n")
+    settings = [("active_low", True), ("direction", "out"), ("output_value", "low")]
+    assert told == [f"/dev/gpiochip0 (17, 4) {settings}", "released"]
+
+
+def test_without_lines_there_is_nothing_to_set_low(tmp_path):
+    assert set_low(tmp_path, "[loop]\nrate_hz = 500\n") == []
 
 
 def test_an_iio_device_gives_volts(tmp_path):

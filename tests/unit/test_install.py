@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from hil import compiled
+
 SYSTEMD = Path(__file__).resolve().parents[2] / "systemd"
 
 
@@ -52,6 +54,23 @@ def test_all_packages_and_their_data_are_there(installed: Path) -> None:
     assert (lib / "hil/fpeg.dbc").exists()
     assert (lib / "bench/scenarios/load-decrease.toml").exists()
     assert not list(lib.rglob("*.pyc"))
+
+
+def test_loops_compiled_of_these_sources_are_installed_and_no_others(tmp_path: Path) -> None:
+    root, made = tmp_path / "root", tmp_path / "made"
+    root.mkdir()
+    (made / "0123").mkdir(parents=True)
+    told = install(root, "--compiled", str(made))
+    assert any(line.startswith("none       /opt/fpeg-hil/compiled") for line in told)
+    fitting = made / compiled.key_of(compiled.root())
+    fitting.mkdir()
+    (fitting / "hil__mypyc.so").write_text("code")
+    assert "installed  /opt/fpeg-hil/compiled" in install(root, "--compiled", str(made))
+    place = root / "opt/fpeg-hil/compiled"
+    assert [path.name for path in place.iterdir()] == [fitting.name]
+    assert "unchanged  /opt/fpeg-hil/compiled" in install(root, "--compiled", str(tmp_path))
+    controller = (root / "etc/systemd/system/fpeg-controller.service").read_text()
+    assert "HIL_COMPILED=/opt/fpeg-hil/compiled" in controller
 
 
 def test_the_command_is_a_link_within_the_root(installed: Path) -> None:

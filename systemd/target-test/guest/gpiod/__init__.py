@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def request_lines(
 ) -> Request:
     """Take the lines and set them as they are to be at first."""
     with Path(PLACE, "told").open("a") as told:
-        told.write(f"{consumer} {sys.argv[1]}\n")
+        told.write(f"{consumer}\n")
     request = Request()
     for offsets, settings in config.items():
         request.set_values(dict.fromkeys(offsets, settings.output_value))
