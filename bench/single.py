@@ -45,7 +45,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
         for name, end in (("plant", plant_end), ("controller", controller_end)):
             assert isinstance(end.status, MemoryStatus)
             end.status.on_publish = _tell_of(name)
-        granted = prepare(scenario.realtime)
+        granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
         start_s = time.perf_counter()
         tick, ticks = 0, plant.main.ticks_of(scenario)
         while tick < ticks and not stop.requested:

@@ -91,7 +91,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
     recorder = open_recorder(log, scenario, "controller")
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
-    granted = prepare(scenario.realtime)
+    granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
     connection = with_outputs(open_link("controller", scenario.link, scenario.loop), outputs)
     duty = None
     if service is not None:

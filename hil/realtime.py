@@ -28,19 +28,23 @@ _HELD_EVERY: Final = 250
 _HELD: Final[list[bytes]] = []
 
 
-def prepare(config: RealtimeConfig) -> dict[str, str]:
+def prepare(config: RealtimeConfig, *, lockstep: bool = False) -> dict[str, str]:
     """Ask for memory, scheduling and timers; return what was granted or refused.
+
+    In lockstep no priority is asked for: two loops that never sleep would leave none of the
+    processors to anybody else.
 
     Call it after the recorder's process is started, which must not inherit the priority, and
     before the link is opened: the link's own threads then do inherit it. Left at normal priority
     they starve beside a loop that spins under SCHED_FIFO, and with them the frames.
     """
+    priority = 0 if lockstep else config.priority
     return {
         "garbage_collection": _told(_stop_collecting),
         "timer_slack": _told(_cut_timer_slack),
         "locked_memory": _told(_lock_memory) if config.lock_memory else NOT_ASKED,
         "reserved_memory": _told(_reserve_memory) if config.lock_memory else NOT_ASKED,
-        "scheduling": _told(partial(_schedule, config.priority)) if config.priority else NOT_ASKED,
+        "scheduling": _told(partial(_schedule, priority)) if priority else NOT_ASKED,
     }
 
 

@@ -87,7 +87,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
     stop.listen()
     recorder = open_recorder(log, scenario, "plant")
     # Before the link opens: its threads inherit the priority; the recorder must not.
-    granted = prepare(scenario.realtime)
+    granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
     connection = open_link("plant", scenario.link, scenario.loop)
     try:
         loop = make_loop(scenario, connection, recorder)
