@@ -22,7 +22,8 @@ BAND_MM = 0.1
 FUEL_RANGE_KG = (0.2e-6, 6.0e-6)
 """What an injector can give (thesis section 6.3 uses a narrower window for one case)."""
 
-Knowledge = Literal["full", "mid-stroke", "none"]
+Informed = Literal["full", "mid-stroke"]
+Knowledge = Informed | Literal["none"]
 
 _PART_S = 2.0e-3
 _LONGEST_S = 0.5

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from bench import scenarios
-from bench.bound import Bound, step_bound
+from bench.bound import Bound, Informed, step_bound
 from bench.offline import Course, simulate
 from bench.resolve import resolve
 from bench.settled import Response
 from hil.config.controller import ControllerName
 from hil.config.load import build, parse_assignment, read_toml, with_override
-from hil.config.plant import LoadScaleEvent, PlantConfig
+from hil.config.plant import LoadScaleEvent
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.params import engine_of
@@ -166,23 +166,37 @@ def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) 
 
 def _bounds(base: Scenario, loads: Sequence[float]) -> dict[tuple[float, str, str], Bound]:
     """The bound with full and with mid-stroke knowledge, for the models that have one."""
-    plant: PlantConfig = base.plant
-    if plant.model not in FAST_MODELS:
-        return {}
-    engine = engine_of(plant.resolved_prototype(), plant.model)
-    ref_m = base.controller.tdc_ref_m or 0.0
-    nominal = base.controller.supervisory.load_coefficient_n_s_m or 0.0
+    find = _bound_of(base)
     found = {}
     for load in loads:
         for moment, (_, fraction) in MOMENTS.items():
-            for knowledge in ("full", "mid-stroke"):
+            for knowledge in get_args(Informed):
                 try:
-                    found[load, moment, knowledge] = step_bound(
-                        engine, ref_m, nominal, load, fraction, knowledge
-                    )
+                    if find is not None:
+                        found[load, moment, knowledge] = find(load, fraction, knowledge)
                 except ConfigError:
                     continue
     return found
+
+
+def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | None:
+    """The function from load, moment in the stroke and knowledge to the bound of an engine."""
+    plant, controller = base.plant, base.controller
+    ref_m = controller.tdc_ref_m or 0.0
+    nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
+    if plant.model in FAST_MODELS:
+        engine = engine_of(plant.resolved_prototype(), plant.model)
+        return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
+    if plant.model != "two-stroke":
+        return None
+    from bench import bound_detailed
+    from plant.detailed.settle import calibration_of
+
+    calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
+    advance_s = controller.timing.spark_advance_s
+    return lambda load, part, known: bound_detailed.step_bound(
+        calibration, ref_m, fuel_kg, nominal, load, part, known, advance_s=advance_s
+    )
 
 
 def excess(cell: Cell, bound: Bound | None) -> float:

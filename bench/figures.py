@@ -126,7 +126,6 @@ def _motion(data: RunData) -> Figures:
     count = len(strokes.t_ns)
     tdc_mm = strokes.tdc_m * 1e3
     fuel_mg = strokes.fuel_kg * 1e6
-    final = strokes.part(slice(-_FINAL_STROKES, None))
     every = data.truth.strokes
     return {
         "strokes": count,
