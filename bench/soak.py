@@ -19,7 +19,7 @@ from bench.latency import machine
 from bench.outdir import RunFiles
 from bench.progress import view_for
 from bench.run import execute
-from hil.config.scenario import Scenario
+from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.segments import segments_before
 
@@ -32,6 +32,7 @@ MOST_AGEING: Final = 0.1
 
 BIN_S: Final = 10.0
 _LOOK_S: Final = 1.0
+_START_S: Final = 10
 _SEGMENT_BYTES: Final = 64 << 20  # what a recorder keeps of a file in memory grows with the file
 _ROLES: Final = {"plant.main": "plant", "controller.main": "controller"}
 _RECORDER: Final = "drivers.recorder_process"
@@ -217,6 +218,19 @@ def _judge_process(name: str, later: list[Look]) -> list[Verdict]:
     ]
 
 
+def endless(minutes: float, changes: list[tuple[str, Any]]) -> Scenario:
+    """Return settled running for so long; an engine that a stall has stopped is started again.
+
+    Raises: ConfigError
+    """
+    timed = [("loop.clock", "realtime"), ("run.duration_s", minutes * 60.0),
+             ("log.segment_bytes", _SEGMENT_BYTES)]  # fmt: skip
+    scenario = scenarios.read("steady", [*timed, *changes])
+    often = range(_START_S, round(minutes * 60.0), _START_S)
+    starts = {f"start-{at_s}": OperatorEvent(kind="start", at_s=at_s) for at_s in often}
+    return scenario.model_copy(update={"events": starts})
+
+
 def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, force: bool) -> int:
     """Run, print the verdict, write soak.json and soak.png; 0 when everything was flat.
 
@@ -224,9 +238,7 @@ def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, for
 
     Raises: HilError as a run does
     """
-    duration = [("loop.clock", "realtime"), ("run.duration_s", minutes * 60.0),
-                ("log.segment_bytes", _SEGMENT_BYTES)]  # fmt: skip
-    scenario = scenarios.read("steady", [*duration, *changes])
+    scenario = endless(minutes, changes)
     files = outdir.prepare("soak", out, force=force)
     console = Console(highlight=False)
     watcher = Watcher(os.getpid())

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import zstandard
@@ -35,6 +35,8 @@ from drivers.reserve import reserve as keep_free
 from hil.records import FORMAT, LIBRARY, MAGIC, MESSAGE, MESSAGE_HEAD
 
 _INDEX_HEAD = struct.Struct("<BQHI")
+_SPAN = struct.Struct("<9xQQQ")  # of a ChunkIndex record
+_COUNT = struct.Struct("<HQ")
 # Level 1 makes files 5 % larger than level 3 in three quarters of its time.
 _LEVEL = 1
 # Summary, footer and a last event need less than this, besides an index entry a chunk.
@@ -56,9 +58,20 @@ class MessageIndex(NamedTuple):
 
 
 class _WrittenChunk(NamedTuple):
-    location: ChunkIndex
-    counts: dict[int, int]
+    """What the end of the file tells of a chunk, packed: a long log has many of them."""
+
+    entry: bytes  # ChunkIndex record
+    tally: bytes  # channel and messages, channel by channel
     crc_before: int
+
+    def span(self) -> tuple[int, int, int]:
+        """Return log time of the first and of the last message, and the offset in the file."""
+        found: tuple[int, int, int] = _SPAN.unpack_from(self.entry)
+        return found
+
+    def messages(self) -> dict[int, int]:
+        """Return how many messages the chunk has of each channel."""
+        return dict(_COUNT.iter_unpack(self.tally))
 
 
 def index_messages(data: bytes | bytearray) -> MessageIndex:
@@ -119,7 +132,7 @@ class McapFile:
     @property
     def messages(self) -> int:
         """Messages in the chunks written so far."""
-        return sum(sum(chunk.counts.values()) for chunk in self._chunks)
+        return sum(sum(chunk.messages().values()) for chunk in self._chunks)
 
     def _emit(self, data: bytes) -> int:
         """Append to the file as a whole or not at all; return the offset."""
@@ -185,8 +198,8 @@ class McapFile:
             message_start_time=chunk.message_start_time,
             uncompressed_size=len(data),
         )
-        counts = {channel: len(flat) // 2 for channel, flat in index.entries.items()}
-        self._chunks.append(_WrittenChunk(chunk_index, counts, crc_before))
+        counts = [_COUNT.pack(channel, len(flat) // 2) for channel, flat in index.entries.items()]
+        self._chunks.append(_WrittenChunk(_bytes_of(chunk_index), b"".join(counts), crc_before))
 
     def finish(self) -> None:
         """Write summary and footer; on a full disk the last chunks make room for them.
@@ -201,7 +214,7 @@ class McapFile:
                 if not self._chunks:
                     raise
                 last = self._chunks.pop()
-                self._cut(last.location.chunk_start_offset)
+                self._cut(last.span()[2])
                 self._crc = last.crc_before
                 self._metadata = [m for m in self._metadata if m.offset < self._size]
             else:
@@ -210,17 +223,16 @@ class McapFile:
     def _end(self) -> bytes:
         data_end = _bytes_of(DataEnd(self._crc))
         summary_start = self._size + len(data_end)
-        groups: list[tuple[Opcode, Iterable[_Writable]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [chunk.location for chunk in self._chunks]),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
+        groups = [
+            (Opcode.SCHEMA, _bytes_of(*self._schemas)),
+            (Opcode.CHANNEL, _bytes_of(*self._channels)),
+            (Opcode.STATISTICS, _bytes_of(self._statistics())),
+            (Opcode.CHUNK_INDEX, b"".join(chunk.entry for chunk in self._chunks)),
+            (Opcode.ATTACHMENT_INDEX, _bytes_of(*self._attachments)),
+            (Opcode.METADATA_INDEX, _bytes_of(*self._metadata)),
         ]
         summary, offsets = b"", []
-        for opcode, records in groups:
-            data = _bytes_of(*records)
+        for opcode, data in groups:
             if data:
                 offsets.append(SummaryOffset(opcode, summary_start + len(summary), len(data)))
             summary += data
@@ -233,18 +245,17 @@ class McapFile:
     def _statistics(self) -> Statistics:
         counts: dict[int, int] = {}
         for chunk in self._chunks:
-            for channel, count in chunk.counts.items():
+            for channel, count in chunk.messages().items():
                 counts[channel] = counts.get(channel, 0) + count
+        spans = [chunk.span() for chunk in self._chunks]
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=counts,
             chunk_count=len(self._chunks),
             message_count=sum(counts.values()),
-            message_end_time=max((c.location.message_end_time for c in self._chunks), default=0),
-            message_start_time=min(
-                (c.location.message_start_time for c in self._chunks), default=0
-            ),
+            message_end_time=max((end_ns for _, end_ns, _ in spans), default=0),
+            message_start_time=min((begin_ns for begin_ns, _, _ in spans), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
