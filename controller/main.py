@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,9 @@ SAMPLE_PATIENCE_PERIODS = 1.5
 """How long a sample may be late before its tick is stepped without it."""
 
 FIRST_SLICE_NS = 200_000_000
+ANEW_NS = 250_000_000
+"""A stall lets old samples come in a burst; when none but old ones come for so long, their plant is
+another one than before."""
 
 
 def make_pacer(scenario: Scenario) -> Pacer:
@@ -158,17 +162,32 @@ def follow_in_real_time(
     loop.turn(first)
     if duty is not None:
         duty.begin(loop)
-    wait_ns, past = patience_ns, 0
+    wait_ns, old = patience_ns, OldSamples()
     while loop.tick < last_tick and not stop.requested:
         batch = link.wait(wait_ns)
         before = loop.tick
         loop.turn(batch)
         wait_ns = patience_ns if batch is not None else period_ns
-        past = past + 1 if 0 <= before == loop.tick else 0
-        if past > loop.params.config.limits.stale_ticks:
+        if old.go_on(0 <= before == loop.tick):
             raise RunError(f"plant began anew after tick {loop.tick}")
         if duty is not None and loop.tick >= duty.next_tick:
             duty.attend(loop)
+
+
+class OldSamples:
+    """How long nothing but samples of ticks that are over has come."""
+
+    def __init__(self) -> None:
+        self._since_ns = 0
+
+    def go_on(self, is_old: bool) -> bool:
+        """Take note of a turn; returns whether it has gone on for too long."""
+        if not is_old:
+            self._since_ns = 0
+            return False
+        now_ns = time.monotonic_ns()
+        self._since_ns = self._since_ns or now_ns
+        return now_ns - self._since_ns > ANEW_NS
 
 
 def await_first(loop: ControllerLoop, connection: Connection, stop: Stop) -> bytes | None:
