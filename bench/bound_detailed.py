@@ -71,10 +71,10 @@ class Bench:
 
     def _move(self, y: Array, d: Array, until_s: float, change: Change) -> bool:
         """Move on to a dead centre, at the most until then; whether there was one."""
-        if d[at.T] < change.at_s <= until_s:
-            if self._advance(y, d, change.at_s):
+        if d[at.T] <= change.at_s <= until_s:
+            if d[at.T] < change.at_s and self._advance(y, d, change.at_s):
                 return True
-            d[at.LOAD_SCALE] *= change.scale
+            d[at.LOAD_SCALE] = change.scale
         return self._advance(y, d, until_s)
 
     def _advance(self, y: Array, d: Array, until_s: float) -> bool:

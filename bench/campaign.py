@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.campaign_config import Campaign
+from bench.campaign_config import Campaign, draw, scenario_of
 from bench.campaign_run import Row, run_many
 from hil.errors import ConfigError, MissingExtraError, RunError
 
@@ -34,6 +34,7 @@ def run(
 
     Raises: ConfigError when the directory holds another campaign; RunError when a worker failed
     """
+    scenario_of(campaign, draw(campaign, 0))  # a key that is wrong is told before anything is made
     _claim(campaign, directory)
     parts = directory / "parts"
     parts.mkdir(exist_ok=True)
@@ -60,7 +61,10 @@ def indices_of(campaign: Campaign, number: int) -> list[int]:
 
 def _claim(campaign: Campaign, directory: Path) -> None:
     """Make the directory this campaign's, or see that it is."""
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--out {directory}: {error.strerror}") from None
     file = directory / "campaign.json"
     text = campaign.model_dump_json(indent=1)
     if not file.exists():
@@ -86,6 +90,10 @@ def _cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
         try:
             with library.Client(scheduler, timeout="10s") as client:
                 yield client
+        except ValueError as error:
+            raise ConfigError(
+                f"--scheduler {scheduler}: {error} (accepted: tcp://HOST:PORT)"
+            ) from None
         except OSError as error:
             raise RunError(f"--scheduler {scheduler}: {error}") from None
         return

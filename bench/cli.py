@@ -173,17 +173,34 @@ fmu_cli.register(app)
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
     try:
-        app()
-    except KeyboardInterrupt:
+        sys.exit(app(standalone_mode=False))
+    except (KeyboardInterrupt, typer.Abort):
         print("interrupted", file=sys.stderr)
         sys.exit(130)
+    except OSError as error:
+        print(f"{error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
     except Exception as error:
-        from hil.errors import HilError
-
-        if not isinstance(error, HilError):
+        line, code = _told(error)
+        if not line:
             raise
-        print(error, file=sys.stderr)
-        sys.exit(error.exit_code)
+        print(line, file=sys.stderr)
+        sys.exit(code)
+
+
+def _told(error: Exception) -> tuple[str, int]:
+    """What a failure is in one line, and its exit code; an empty line when it is none of ours."""
+    from hil.errors import HilError
+
+    if isinstance(error, HilError):
+        return str(error), error.exit_code
+    context, message = getattr(error, "ctx", None), getattr(error, "format_message", None)
+    if message is None:
+        return "", 1
+    if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
+        return str(context.get_help()), 2
+    where = f" ({context.command_path} --help tells more)" if context is not None else ""
+    return " ".join(message().replace("Value error, ", "").split()) + where, 2  # of the parser
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -39,6 +40,10 @@ def run(into: Path | None) -> int:
         console.print(f"compiled already: {target}")
         return 0
     _check_tools()
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{base}: {error.strerror}") from None
     with tempfile.TemporaryDirectory(prefix="hil-compile-") as name:
         work = Path(name)
         for package in _PACKAGES:
@@ -50,10 +55,12 @@ def run(into: Path | None) -> int:
                 text=True, check=False, env={**os.environ, "HIL_COMPILED": "off"},
             )  # fmt: skip
         if done.returncode:
-            raise RunError(f"compilation failed: {(done.stderr or done.stdout).strip()[-2000:]}")
+            print(done.stdout + done.stderr, file=sys.stderr)
+            raise RunError("compilation failed; what the compilers say stands above")
         target = base / compiled.key_of(work)
         _move(work / "out", target)
-    _forget(target)
+    if into is None:
+        _forget(target)
     console.print(f"compiled {len(compiled.sources(compiled.root()))} modules: {target}")
     return 0
 
@@ -69,7 +76,6 @@ def _check_tools() -> None:
 
 def _move(built: Path, target: Path) -> None:
     """Put the result in its place as a whole: who looks finds all of it or nothing."""
-    target.parent.mkdir(parents=True, exist_ok=True)
     aside = Path(tempfile.mkdtemp(dir=target.parent, prefix=".new-"))
     shutil.copytree(built, aside, dirs_exist_ok=True)
     aside.chmod(0o755)
@@ -83,7 +89,9 @@ def _move(built: Path, target: Path) -> None:
 
 def _forget(target: Path) -> None:
     """Keep the newest few results, so that going back and forth between versions is cheap."""
-    others = [path for path in target.parent.iterdir() if path != target and path.is_dir()]
+    library = f"{compiled.GROUP}__mypyc*"
+    others = [path.parent for path in target.parent.glob(f"*/{library}") if path.parent != target]
+    others = [path for path in others if re.fullmatch(r"[0-9a-f]{20}", path.name)]
     others.sort(key=lambda path: path.stat().st_mtime, reverse=True)
     for path in others[_KEPT - 1 :]:
         shutil.rmtree(path, ignore_errors=True)

@@ -94,7 +94,7 @@ def _controller_turns(pieces: Iterator[_Piece]) -> Iterator[Turn]:
 def _plant_turns(log: Log, pieces: Iterator[_Piece]) -> Iterator[Turn]:
     """Ticks that were skipped belong to the turn that came too late for them."""
     earlier, first = b"", -1
-    for data, times, batches, _, snapshot in pieces:
+    for data, times, batches, command, snapshot in pieces:
         if not times and snapshot is None:
             raise log.error("cannot be replayed: a tick without /timing")
         if not times:
@@ -107,7 +107,7 @@ def _plant_turns(log: Log, pieces: Iterator[_Piece]) -> Iterator[Turn]:
             continue
         instants = (woke_ns, sent_ns)
         whole = earlier + data if earlier else data
-        yield Turn(first, tick, scheduled_ns, instants, used, batches, None, snapshot, whole)
+        yield Turn(first, tick, scheduled_ns, instants, used, batches, command, snapshot, whole)
         earlier, first = b"", -1
 
 

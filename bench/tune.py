@@ -11,6 +11,7 @@ the controller believes. One set of gains for all of them (docs/tuning.md).
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -75,13 +76,13 @@ class Result(NamedTuple):
     @property
     def peak_mm(self) -> float:
         """Largest error."""
-        return max(abs(error) for error in self.errors_mm)
+        return max((abs(error) for error in self.errors_mm), default=math.inf)
 
     @property
     def late_mm(self) -> float:
         """Largest error after `LATE_S`: the margin that settling has in its band."""
         pairs = zip(self.times_s, self.errors_mm, strict=True)
-        return max(abs(error) for t, error in pairs if t > LATE_S)
+        return max((abs(error) for t, error in pairs if t > LATE_S), default=math.inf)
 
     @property
     def settling_ms(self) -> float:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import controller.main
 import plant.main
+from bench.outdir import RunFiles
 from bench.replay import make, process_of, scenario_of
 from bench.replay_loops import ReplayedController, ReplayedPlant
 from bench.replay_turns import Turn, check_layouts, turns
@@ -201,6 +202,10 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
 
     Raises: ConfigError when the directory cannot be written
     """
+    if earlier := RunFiles(out).existing():
+        raise ConfigError(
+            f"--out {out}: holds a run ({earlier[0].name}); accepted is another directory"
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
         text = wanted.scenario.model_dump_json(indent=1)

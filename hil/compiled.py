@@ -47,7 +47,7 @@ def key_of(root: Path) -> str:
     """Return the name under which what these sources compile to is kept."""
     total = blake2b(_SUFFIX.encode(), digest_size=10)
     known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    for path in (*known, root / "bench" / "offline.py"):
+    for path in (*known, root / "bench" / "offline.py", root / "bench" / "compile.py"):
         total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
     return total.hexdigest()
 
@@ -60,7 +60,7 @@ def root() -> Path:
 def base() -> Path | None:
     """Return where compiled modules are kept; None when they are switched off."""
     told = os.environ.get("HIL_COMPILED")
-    if told == "off":
+    if told and told.lower() == "off":
         return None
     if told:
         return Path(told)

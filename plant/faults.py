@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from hil.config.plant import FAULT_KINDS, PlantEvent
 from hil.errors import ConfigError
-from plant.disturbances import Disturbances, compile_edges
+from plant.disturbances import compile_edges
 from plant.params import PlantParams
 
 _EVENT: Final[TypeAdapter[PlantEvent]] = TypeAdapter(PlantEvent)
@@ -40,13 +40,16 @@ def parse(raw: bytes, origin: str, t_ns: int) -> PlantEvent | None:
         raise ConfigError(f"command from {origin}: {where}: {first['msg']}") from None
 
 
-def with_fault(p: PlantParams, d: Disturbances, event: PlantEvent, name: str) -> PlantParams:
-    """Return the parameters with one more event; those that have begun keep their place."""
+def with_fault(p: PlantParams, next_edge: int, event: PlantEvent) -> PlantParams:
+    """Return the parameters with one more event; those that have begun keep their place.
+
+    Parameters: next_edge : how many edges of the events have begun
+    """
     number = len(p.events)
     new = tuple(edge._replace(event=number) for edge in compile_edges((event,)))
-    ahead = sorted((*p.edges[d.next_edge :], *new), key=lambda e: (e.at_ns, e.begins, e.event))
+    ahead = sorted((*p.edges[next_edge:], *new), key=lambda e: (e.at_ns, e.begins, e.event))
     return p._replace(
-        names=(*p.names, name),
+        names=(*p.names, f"ordered {number + 1}"),
         events=(*p.events, event),
-        edges=(*p.edges[: d.next_edge], *ahead),
+        edges=(*p.edges[:next_edge], *ahead),
     )

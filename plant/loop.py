@@ -30,7 +30,7 @@ from plant import faults
 from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.machine import MachineOrder
-from plant.memory import LoopMemory, Measured
+from plant.memory import LoopMemory, Measured, Ordered
 from plant.params import PlantParams
 from plant.sensors import electric_power_w, pressures_pa, sample
 from plant.state import Command, PlantState, truth
@@ -115,6 +115,7 @@ class PlantLoop:
         self._snapshot_every = snapshot_every or _NEVER
         self._commands = commands
         self._heard = b""
+        self._ordered_faults: tuple[Ordered, ...] = ()
         self._measured = self._measure()
 
     def turn(self, tick: int) -> int:
@@ -183,8 +184,9 @@ class PlantLoop:
             heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error))
             event = None
         if event is not None:
-            name = f"ordered {len(self.params.events) + 1}"
-            self.params = faults.with_fault(self.params, self.state.disturbances, event, name)
+            ordered = Ordered(raw.decode(), t_ns, self.state.disturbances.next_edge)
+            self._ordered_faults += (ordered,)
+            self.params = faults.with_fault(self.params, ordered.next_edge, event)
             text = f"{event.kind} from {origin}"
             heard += topics.EVENT.pack(tick, t_ns, topics.INFO, "command", text)
         self._heard = heard
@@ -299,7 +301,7 @@ class PlantLoop:
         return LoopMemory(
             self.state, self._encoder.remember(), self.decoder.remember(), self._first_tick,
             self._used_tick, self.answered, self._answered_before, self.peer_lost,
-            self._silent_turns, self._throttle, self._measured,
+            self._silent_turns, self._throttle, self._measured, self._ordered_faults,
         )  # fmt: skip
 
     def recall(self, memory: LoopMemory) -> None:
@@ -307,8 +309,12 @@ class PlantLoop:
         (
             self.state, sent, received, self._first_tick, self._used_tick, self.answered,
             self._answered_before, self.peer_lost, self._silent_turns, self._throttle,
-            self._measured,
+            self._measured, self._ordered_faults,
         ) = memory  # fmt: skip
+        for text, t_ns, next_edge in self._ordered_faults:
+            event = faults.parse(text.encode(), "the log", t_ns)
+            if event is not None:
+                self.params = faults.with_fault(self.params, next_edge, event)
         self._encoder.recall(sent)
         self.decoder.recall(received)
         self._initial_events = ()

@@ -19,8 +19,16 @@ class Measured(NamedTuple):
     batch: bytes
 
 
+class Ordered(NamedTuple):
+    """A fault ordered while the engine ran: as it came, when, and how many edges were past."""
+
+    text: str
+    t_ns: int
+    next_edge: int
+
+
 class LoopMemory(NamedTuple):
-    """The state of the engine, and of what is around it: codec, answers, silence."""
+    """The state of the engine, and of what is around it: codec, answers, silence, faults."""
 
     state: PlantState
     sent: tuple[int, ...]
@@ -33,3 +41,4 @@ class LoopMemory(NamedTuple):
     silent_turns: int
     throttle: float
     measured: Measured
+    ordered: tuple[Ordered, ...]

@@ -23,7 +23,7 @@ class RunConfig(Section):
 class LoopConfig(Section):
     """The fixed step and what paces it."""
 
-    rate_hz: int = Field(default=1000, ge=50, le=20_000)
+    rate_hz: int = Field(default=1000, ge=100, le=20_000)
     clock: ClockName = "realtime"
     peer_timeout_s: float = Field(default=5.0, gt=0.0, le=600.0)
 

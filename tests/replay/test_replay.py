@@ -7,10 +7,11 @@ import pytest
 from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
-from bench import replay_differences
+from bench import golden, replay_differences
 from bench.log_commands import replay as replay_command
 from bench.replay import replay_file
 from controller.laws import LAWS, pi
+from drivers import links
 from drivers.recorder import Recorder
 from hil import topics
 from hil.errors import ConfigError, LogError
@@ -258,3 +259,40 @@ def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, 
         records = replay_differences.Records(log)
         told = records.notes()
     assert told == ["/truth.extra is only in today: not compared"]
+
+
+ORDERED = b'{"kind": "load-scale", "value": 0.95, "until_s": 0.45}'
+
+
+class OnceOrdered:
+    """A command key on which one fault comes, at the third look."""
+
+    def __init__(self):
+        self.looks = 0
+
+    def poll(self):
+        self.looks += 1
+        return ("desk", ORDERED) if self.looks == 3 else None
+
+
+@pytest.fixture
+def ordered_run(tmp_path, monkeypatch):
+    """A run in which an operator orders a load step that ends behind a snapshot."""
+
+    def opened():
+        plant, controller = links.open_memory()
+        return plant._replace(commands=OnceOrdered()), controller
+
+    monkeypatch.setattr(golden, "open_memory", opened)
+    return make_run(tmp_path / "ordered")
+
+
+@pytest.mark.parametrize("begins_s", [0.0, 0.3])
+def test_an_ordered_fault_is_replayed_from_the_start_and_from_a_snapshot(ordered_run, begins_s):
+    with hil.log.open(ordered_run / "plant.mcap") as log:
+        texts = [event.text for event in log.records("/event")]
+    assert "load-scale from desk" in texts
+    assert any("(load-scale) ends" in text for text in texts)
+    outcome = replayed(ordered_run / "plant.mcap", Span(round(begins_s * 1e9)))
+    assert outcome.found is None, outcome.found.differences
+    assert outcome.ticks >= 400

@@ -50,7 +50,7 @@ def test_help_is_there_at_once():
     [
         (["run", "no-such"], "accepted is a path to a .toml file, or: "),
         (["run", "steady", "--set", "plant.modle=x"], "plant.modle: unknown key; accepted here"),
-        (["run", "steady", "--set", "loop.rate_hz=10"], "accepted: 50 to 20000"),
+        (["run", "steady", "--set", "loop.rate_hz=10"], "accepted: 100 to 20000"),
         (["run", "steady", "--set", "novalue"], "accepted is key=value"),
         (["run", "steady", "--set", "events.load.value=1"], "has no events.load"),
         (["run", "steady", "--model", "magic"], "plant.model"),

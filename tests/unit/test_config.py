@@ -74,7 +74,7 @@ def test_defaults_are_those_that_the_documentation_promises():
         ("[run]\nduration_s = 0", "greater than 0 (given: 0)"),
         ("[run]\nduration_s = nan", "run.duration_s: Input should be a finite number (given: nan)"),
         ("run = 3", "run: Input should be a valid dictionary"),
-        ("[loop]\nrate_hz = 10", "loop.rate_hz: Input should be greater than or equal to 50"),
+        ("[loop]\nrate_hz = 10", "loop.rate_hz: Input should be greater than or equal to 100"),
         ("[loop]\nrate_hz = 1.5", "loop.rate_hz: Input should be a valid integer"),
         ("[loop]\nclock = 'fast'", "loop.clock: Input should be 'lockstep' or 'realtime'"),
         (

@@ -49,9 +49,8 @@ def test_an_ordered_load_step_acts_from_the_next_stroke_on():
     state, _ = initial_state(params, scenario.controller.preset.fuel_kg)
     for _ in range(10):
         state, _ = step(params, state, Command())
-    params = faults.with_fault(
-        params, state.disturbances, order(kind="load-scale", value=0.5), "ordered 1"
-    )
+    ordered = order(kind="load-scale", value=0.5)
+    params = faults.with_fault(params, state.disturbances.next_edge, ordered)
     before = state.machine.load_coefficient_n_s_m
     for _ in range(30):
         state, _ = step(params, state, Command())
