@@ -24,11 +24,12 @@ from hil.errors import RunError
 from hil.segments import segments_before
 
 WARM_UP_S: Final = 60.0
-"""After this nothing may grow; of a shorter run the first half."""
+"""After this nothing may grow: the median of the last fifth of what follows against that of the
+first. Of a shorter run the first half."""
 
 MOST_GROWTH_BYTES: Final = 1 << 20
 MOST_AGEING: Final = 0.1
-"""Of a period: by so much the sample age of any bin may exceed that of the first after warm-up."""
+"""Of a period: by so much samples may be older at the end than after warm-up."""
 
 BIN_S: Final = 10.0
 _LOOK_S: Final = 1.0
@@ -178,6 +179,12 @@ def _lag_us(timing: NDArray[Any], instant: str) -> float:
     return float(np.median(behind_ns)) * 1e-3
 
 
+def growth(values: Values) -> float:
+    """Return by how much the median of the last fifth exceeds that of the first."""
+    fifth = max(len(values) // 5, 1)
+    return float(np.median(values[-fifth:]) - np.median(values[:fifth]))
+
+
 def judge(looks: dict[str, list[Look]], aged: Ages, scenario: Scenario) -> list[Verdict]:
     """Say of everything whether it stayed flat after warm-up."""
     warm_s = min(WARM_UP_S, scenario.run.duration_s / 2.0)
@@ -186,36 +193,34 @@ def judge(looks: dict[str, list[Look]], aged: Ages, scenario: Scenario) -> list[
         later = [look for look in all_looks if look.t_s >= warm_s]
         if later:
             found += _judge_process(name, later)
-    grown_us = aged.sample_us[aged.t_s >= warm_s - BIN_S]
-    ageing_us = float(np.max(grown_us) - grown_us[0])
+    ageing_us = growth(aged.sample_us[aged.t_s >= warm_s - BIN_S])
     most_us = MOST_AGEING * scenario.loop.period_ns * 1e-3
     return [
         *found,
         Verdict("sample age", ageing_us <= most_us,
-                f"at most {ageing_us:.0f} us older than after warm-up, accepted {most_us:.0f}"),
+                f"{ageing_us:+.0f} us since warm-up, accepted {most_us:+.0f}"),
         _judge_answers(aged),
     ]  # fmt: skip
+
+
+def _judge_process(name: str, later: list[Look]) -> list[Verdict]:
+    _, resident_bytes, handles = np.array(later, dtype=float).T
+    grown, more = growth(resident_bytes), growth(handles)
+    size = f"{resident_bytes[0] / 2**20:.1f} MiB after warm-up, {grown / 2**20:+.2f} since"
+    return [
+        Verdict(f"memory of {name}", grown <= MOST_GROWTH_BYTES, size),
+        Verdict(f"handles of {name}", more <= 0.0, f"{handles[0]:.0f}, {more:+.0f} since"),
+    ]
 
 
 def _judge_answers(aged: Ages) -> Verdict:
     answers = aged.answer_ticks[~np.isnan(aged.answer_ticks)]
     if not len(answers):
         return Verdict("answer age", False, "no tick was answered")
-    older = float(np.max(answers) - answers[0])
-    text = f"{np.median(answers):g} ticks, at most {older:g} more; "
+    older = growth(answers)
+    text = f"{np.median(answers):g} ticks, {older:+g} since warm-up; "
     text += f"{np.mean(aged.unanswered) * 100:.3f} % of ticks without one"
     return Verdict("answer age", older <= 0.0, text)
-
-
-def _judge_process(name: str, later: list[Look]) -> list[Verdict]:
-    first = later[0]
-    grown = max(look.resident_bytes for look in later) - first.resident_bytes
-    more = max(look.handles for look in later) - first.handles
-    size = f"{first.resident_bytes / 2**20:.1f} MiB after warm-up, {grown / 2**20:+.2f} at most"
-    return [
-        Verdict(f"memory of {name}", grown <= MOST_GROWTH_BYTES, size),
-        Verdict(f"handles of {name}", more <= 0, f"{first.handles}, {more:+d} at most"),
-    ]
 
 
 def endless(minutes: float, changes: list[tuple[str, Any]]) -> Scenario:

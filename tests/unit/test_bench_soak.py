@@ -21,7 +21,7 @@ def scenario(minutes=MINUTES):
 
 def looks(grown_bytes=0, more=0):
     return [
-        Look(t, (60 << 20) + (grown_bytes if t > 200 else 0), 20 + (more if t > 250 else 0))
+        Look(t, (60 << 20) + (grown_bytes if t > 200 else 0), 20 + (more if t > 200 else 0))
         for t in np.arange(0.0, 60.0 * MINUTES, 1.0)
     ]
 
@@ -40,6 +40,12 @@ def not_flat(**given):
 def test_what_stays_as_it_is_is_flat():
     assert not_flat() == []
     assert not_flat(plant=looks(grown_bytes=1 << 20)) == []
+
+
+def test_a_passing_spike_is_no_growth():
+    rows = looks()
+    rows[200] = Look(200.0, 90 << 20, 25)
+    assert not_flat(plant=rows) == []
 
 
 def test_each_growth_is_told_by_name():
