@@ -63,6 +63,7 @@ def wait_for_nodes(environment, count):
     subprocess.run([sys.executable, "-c", code], env=environment, timeout=30, check=True)
 
 
+@pytest.mark.slow
 def test_a_logger_and_a_monitor_join_while_it_runs(tmp_path, environment):
     # In lockstep no frame of the plant is without its answer, however busy the machine.
     run = start(
@@ -76,10 +77,11 @@ def test_a_logger_and_a_monitor_join_while_it_runs(tmp_path, environment):
     )  # fmt: skip
     try:
         wait_for_nodes(environment, 3)
+        # Enough frames to hear of both, though the monitor meets one node before the other.
         monitor = start(
-            environment, "bus", "monitor", "zenoh:can0", "--count", "50", "--seconds", "30"
+            environment, "bus", "monitor", "zenoh:can0", "--count", "20000", "--seconds", "60"
         )
-        code, out, _ = finish(monitor, 60)
+        code, out, _ = finish(monitor, 90)
         assert code == 0
         assert {"PlantTick", "PistonSample", "ControllerTick", "MachineCommand"} <= set(out.split())
         end_s = time.monotonic() + 30
