@@ -27,10 +27,7 @@ from controller.start_restart import Mode
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.supervisory import SetPoints
 from controller.timing import NO_PLAN, Plan
-from hil.messages import PistonSample
-
-FIRING_MODES = (Mode.MOTORING, Mode.GENERATING)
-"""In any other mode the TTL lines are low; the plant's decoder knows the same two."""
+from hil.messages import FIRING_MODES, PistonSample
 
 SHORTEST_STROKE = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""

@@ -22,10 +22,13 @@ from hil.messages import SLOW_SIGNALS, PistonSample, PlantTick
 from hil.pacing import Pacer, RealTimePacer
 from hil.ports import Link
 from hil.realtime import pin, prepare
+from hil.signals import most_of
 
 _NAN: Final = float("nan")
 _POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
-_MOST: Final = {"x": 0.08, "v": 8.0, "power": 16_000.0, "p": 32.0e6}
+_X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
+_POWER_MOST = most_of(PlantTick, "electric_power_w")
+_P_MOST = most_of(PlantTick, "p_left_pa")
 Open = Callable[[str, Sequence[int]], AnalogInput]
 
 
@@ -59,7 +62,7 @@ class AnalogSource:
         )
         which = self._slow_order[tick % len(self._slow_order)]
         value = slow[which]
-        if math.isnan(value) or not (abs(x_m) <= _MOST["x"] and abs(v_m_s) <= _MOST["v"]):
+        if math.isnan(value) or not (abs(x_m) <= _X_MOST and abs(v_m_s) <= _V_MOST):
             self.broken += 1
             return b""
         values = [_NAN, _NAN, _NAN]
@@ -79,8 +82,8 @@ def _calibration(sensor: SensorConfig) -> Calibration:
 def _within(value: float, which: int) -> float:
     """A pressure below nought is nought, and the end of a range is the end of a range."""
     if which == _POWER:
-        return max(-_MOST["power"], min(value, _MOST["power"]))
-    return max(0.0, min(value, _MOST["p"]))
+        return max(-_POWER_MOST, min(value, _POWER_MOST))
+    return max(0.0, min(value, _P_MOST))
 
 
 class SourceLoop:

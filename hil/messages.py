@@ -17,6 +17,9 @@ OFF, MOTOR, GENERATOR = MACHINE_MODES
 
 OPERATING_MODES: Final = {0: "off", 1: "motoring", 2: "generating", 3: "stopping", 4: "safe"}
 
+FIRING_MODES: Final = (1, 2)
+"""In any other operating mode all TTL lines are low; both sides hold to it."""
+
 CHANNELS: Final = {
     0: "injector_left",
     1: "injector_right",

@@ -99,6 +99,12 @@ def layout_of(message: type) -> Layout:
     return _BY_CLASS[message]
 
 
+def most_of(message: type, field: str) -> float:
+    """The largest value that a field carries, in its unit."""
+    signal = next(p.signal for p in layout_of(message).fields if p.name == field)
+    return float(signal.raw_range[1] * signal.scale)
+
+
 def message(
     can_id: int, *, sender: str, receiver: str, per_tick: int = 1
 ) -> Callable[[MessageT], MessageT]:

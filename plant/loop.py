@@ -13,6 +13,7 @@ from hil.e2e import MAX_DELTA
 from hil.errors import ConfigError
 from hil.exchange import await_batch
 from hil.messages import (
+    FIRING_MODES,
     PULSE_CLOCK_US,
     SLOW_SIGNALS,
     ControllerTick,
@@ -25,6 +26,7 @@ from hil.messages import (
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
+from hil.signals import most_of
 from plant import events as codes
 from plant import faults
 from plant.actuation import PulseOrder
@@ -44,7 +46,9 @@ _NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durat
 _PADDING: Final = ((0, 0, 0),) * 4
 _PACK_TICK: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING)
 _PACK_ANSWERED: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING, topics.ACTUATOR)
-_FIRING_MODES: Final = (1, 2)
+_X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
+_POWER_MOST = most_of(PlantTick, "electric_power_w")
+_P_MOST = most_of(PlantTick, "p_left_pa")
 _SEVERITY: Final = {
     codes.CONTACT: topics.FAULT,
     codes.SAFE_STATE: topics.FAULT,
@@ -160,14 +164,14 @@ class PlantLoop:
             tick & 0xFFFFFFFF,
             2,
             slow,
-            _within(power, 16_000.0) if slow == _POWER else _NAN,
-            _within(left, 32.0e6) if slow == _P_LEFT else _NAN,
-            _within(right, 32.0e6) if slow == _P_RIGHT else _NAN,
+            _within(power, _POWER_MOST) if slow == _POWER else _NAN,
+            _within(left, _P_MOST) if slow == _P_LEFT else _NAN,
+            _within(right, _P_MOST) if slow == _P_RIGHT else _NAN,
         )
-        if -0.08 <= x_m <= 0.08 and -8.0 <= v_m_s <= 8.0:
+        if -_X_MOST <= x_m <= _X_MOST and -_V_MOST <= v_m_s <= _V_MOST:
             body = PistonSample(x_m, v_m_s)
         else:
-            body = PistonSample(_within(x_m, 0.08), _within(v_m_s, 8.0))
+            body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST))
         return Measured(sensed, left, right, power, self._encoder.encode((head, body)))
 
     def _take_fault(self, commands: CommandSource, tick: int) -> None:
@@ -373,7 +377,7 @@ def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -
     """What the frames of one answer order, in the plant's own terms."""
     order = None if machine is None else MachineOrder(*machine[:3])
     orders = tuple([PulseOrder(*pulse) for pulse in pulses])
-    return Command(order, orders, mode in _FIRING_MODES)
+    return Command(order, orders, mode in FIRING_MODES)
 
 
 def _superseded(older: list[Pulse], newer: list[Pulse]) -> list[Pulse]:

@@ -1,9 +1,9 @@
-"""A tick's orders for a plant that solves its motion elsewhere: machine, pulses, silence."""
+"""A tick's orders, whatever solves the motion: machine, pulses, and what silence comes to."""
 
 from __future__ import annotations
 
 from plant import actuation
-from plant.actuation import NEVER_NS, Injector
+from plant.actuation import NEVER_NS, Injector, PulseOrder
 from plant.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
 from plant.machine import MachineOrder, obey, objection, safe_order
 from plant.params import PlantParams
@@ -18,6 +18,7 @@ def follow(
 
 
 def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
+    """Take a valid tick's orders; ordinarily they are the ones in force already."""
     now_ns = s.tick * p.period_ns
     if s.stale:
         if s.stale >= p.stale_ticks:
@@ -28,16 +29,22 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
         s = _reorder(p, s, order, now_ns, events)
     if not command.may_fire:
         return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
-    if not command.pulses:
-        return s
-    pulses, refused = actuation.receive(s.pulses, command.pulses, now_ns)
+    return _take_pulses(s, command.pulses, now_ns, events) if command.pulses else s
+
+
+def _take_pulses(
+    s: PlantState, orders: tuple[PulseOrder, ...], now_ns: int, events: list[Event]
+) -> PlantState:
+    """Enter the pulses that are new, and tell which were refused."""
+    pulses, refused = actuation.receive(s.pulses, orders, now_ns)
     for reason, pulse in refused:
         text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
         events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-    return s._replace(pulses=pulses)
+    return s if pulses is s.pulses else s._replace(pulses=pulses)
 
 
 def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
+    """Close the injectors and forget every pulse to come."""
     injector = Injector(p.flow_kg_s, p.dead_time_ns)
     return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
 
@@ -45,6 +52,7 @@ def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
 def _reorder(
     p: PlantParams, s: PlantState, order: MachineOrder, now_ns: int, events: list[Event]
 ) -> PlantState:
+    """Put a new machine order in force, or refuse it."""
     reason = objection(order)
     if reason:
         events.append(Event(now_ns, ORDER_REFUSED, reason))

@@ -6,18 +6,11 @@ form; a tick with an edge, a dead centre or a contact inside goes through `_busy
 
 from __future__ import annotations
 
-from plant import actuation, disturbances
-from plant.actuation import NEVER_NS, Injector, PulseOrder
+from plant import actuation, disturbances, orders
+from plant.actuation import Injector
 from plant.disturbances import Held
-from plant.events import (
-    ORDER_REFUSED,
-    PULSE_REFUSED,
-    SAFE_STATE,
-    SAFE_STATE_LEFT,
-    Event,
-)
+from plant.events import Event
 from plant.linear import DEAD_CENTRE, NO_STOP, UNDERDAMPED, Segment, evaluate
-from plant.machine import MachineOrder, obey, objection, safe_order
 from plant.models import acceleration, advance
 from plant.params import PlantParams
 from plant.state import Command, PlantState
@@ -40,7 +33,10 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
         s, command = _delayed(p, s, command)
     if p.detailed is not None:
         return p.detailed.step(p, s, command)
-    s = _silence(p, s, events) if command is None else _take(p, s, command, events)
+    machine = s.machine
+    s = orders.follow(p, s, command, events)
+    if s.machine is not machine and s.machine[1:] != machine[1:]:
+        s = repath(p, s, s.tick * p.period_ns, events)
     end_ns = (s.tick + 1) * p.period_ns
     tau = s.tau_s + p.dt_s
     if tau < s.disturbances.due_s and s.pulses.next_edge_ns > end_ns:
@@ -147,61 +143,3 @@ def _creeps_no_more(p: PlantParams, s: PlantState) -> bool:
     inertia = p.engine.mass_kg * abs(acceleration(s.path, s.x_m, s.v_m_s, s.tau_s))
     damping = s.machine.load_coefficient_n_s_m * abs(s.v_m_s)
     return inertia + damping <= p.engine.rest_stiffness_n_m * REST_M
-
-
-def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
-    """Take a valid tick's orders; ordinarily they are the ones in force already."""
-    now_ns = s.tick * p.period_ns
-    if s.stale:
-        if s.stale >= p.stale_ticks:
-            events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
-        s = s._replace(stale=0)
-    order = command.machine
-    if order is not None and order != s.machine.order:
-        s = _reorder(p, s, order, now_ns, events)
-    if not command.may_fire:
-        return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
-    return _take_pulses(s, command.pulses, now_ns, events) if command.pulses else s
-
-
-def _take_pulses(
-    s: PlantState, orders: tuple[PulseOrder, ...], now_ns: int, events: list[Event]
-) -> PlantState:
-    """Enter the pulses that are new, and tell which were refused."""
-    pulses, refused = actuation.receive(s.pulses, orders, now_ns)
-    for reason, pulse in refused:
-        text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
-        events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-    return s if pulses is s.pulses else s._replace(pulses=pulses)
-
-
-def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
-    """Close the injectors and forget every pulse to come."""
-    injector = Injector(p.flow_kg_s, p.dead_time_ns)
-    return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
-
-
-def _reorder(
-    p: PlantParams, s: PlantState, order: MachineOrder, now_ns: int, events: list[Event]
-) -> PlantState:
-    """Put a new machine order in force, or refuse it."""
-    reason = objection(order)
-    if reason:
-        events.append(Event(now_ns, ORDER_REFUSED, reason))
-        return s
-    before = s.machine
-    machine = obey(p, order, s.disturbances.load_scale)
-    s = s._replace(machine=machine)
-    return repath(p, s, now_ns, events) if machine[1:] != before[1:] else s
-
-
-def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
-    """Count the silence; when it has lasted, brake, and close the injectors."""
-    stale = s.stale + 1
-    s = s._replace(stale=stale)
-    if stale != p.stale_ticks:
-        return s
-    now_ns = s.tick * p.period_ns
-    text = f"no valid command for {stale} ticks: injectors closed, ignition off, machine braking"
-    events.append(Event(now_ns, SAFE_STATE, text))
-    return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)

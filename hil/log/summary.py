@@ -108,7 +108,7 @@ def _summary_bytes(file: IO[bytes]) -> bytes:
     tail = file.read(_FOOTER.size)
     opcode, length, start, _, crc, magic = _FOOTER.unpack(tail)
     if (opcode, length, magic) != (Opcode.FOOTER, 20, MAGIC):
-        raise ValueError("it is cut off or was never finished")
+        raise ValueError("it is cut off or was never finished; `hil repair` saves what is whole")
     if start == 0:
         raise ValueError("it has no summary")
     if not len(MAGIC) <= start <= size - _FOOTER.size:
