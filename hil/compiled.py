@@ -25,7 +25,7 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py",
+    "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py",
     "plant/*.py", "controller/*.py", "controller/laws/*.py",
     "drivers/memory_link.py", "drivers/ring.py", "drivers/polling.py", "drivers/can_assembly.py",
     "bench/offline.py",

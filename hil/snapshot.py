@@ -1,9 +1,9 @@
 """States as text and back, exactly: what a log needs so that a run can be resumed from it.
 
-A state is a tree of NamedTuples of numbers; its text is JSON, in which a float is the shortest
-decimal that reads back as the same 64 bits. The classes are not in the text: they are those of
-the type hints, so nothing in a file decides what is built from it. Only where a hint leaves a
-choice (a union, Any) is the class named, and then it must be a NamedTuple already loaded.
+A state is a tree of values (hil/values.py) or NamedTuples of numbers; its text is JSON, in which a
+float is the shortest decimal that reads back as the same 64 bits. The classes are not in the text:
+they are those of the type hints, so nothing in a file decides what is built from it. Only where a
+hint leaves a choice (a union, Any) is the class named, and then it must be one already loaded.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import ast
 import json
 import sys
 import types
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from hil import compiled
 from hil.errors import LogError
+from hil.values import Value, fields_of
 
 _SCALARS = (bool, int, float, str, type(None))
-_named_tuple_fields = "_fields"
 
 
 class _Form(NamedTuple):
@@ -35,7 +35,7 @@ _AS_IS = _Form(None, None)
 
 
 def dumps(state: Any) -> str:  # noqa: ANN401
-    """Return a NamedTuple as text.
+    """Return a value as text.
 
     Raises: TypeError when a field is of a kind that cannot be written exactly
     """
@@ -69,9 +69,9 @@ def _form(hint: Hashable) -> _Form:
         return _union(get_args(hint))
     if origin is tuple:
         return _tuple(get_args(hint))
-    if _is_named_tuple(hint):
+    if _is_value(hint):
         return _named(hint)
-    kinds = "numbers, strings, bytes, tuples and NamedTuples"
+    kinds = "numbers, strings, bytes, tuples, values and NamedTuples"
     raise TypeError(f"{hint} has no exact text: {kinds} have")
 
 
@@ -88,32 +88,43 @@ def _plain(hint: Hashable) -> _Form | None:
     return None
 
 
-def _is_named_tuple(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, _named_tuple_fields)
+def _is_value(kind: object) -> bool:
+    if not isinstance(kind, type):
+        return False
+    return issubclass(kind, Value) or (issubclass(kind, tuple) and hasattr(kind, "_fields"))
 
 
 def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
     """The type of each field; compiled classes have lost theirs, which are read from the source."""
     if not compiled.is_compiled(kind.__module__):
-        return get_type_hints(kind)
+        return get_type_hints(kind.__init__ if issubclass(kind, Value) else kind)
     scope = vars(sys.modules[kind.__module__])
     source = compiled.root() / f"{kind.__module__.replace('.', '/')}.py"
     tree = ast.parse(source.read_text(encoding="utf-8"))
     (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
-    fields = (n for n in found.body if isinstance(n, ast.AnnAssign))
-    return {ast.unparse(n.target): eval(ast.unparse(n.annotation), scope) for n in fields}
+    return {name: eval(ast.unparse(annotation), scope) for name, annotation in _annotations(found)}
+
+
+def _annotations(kind: ast.ClassDef) -> Iterator[tuple[str, ast.expr]]:
+    """The fields of a class: a NamedTuple's own, or the arguments of a value's `__init__`."""
+    for node in kind.body:
+        if isinstance(node, ast.AnnAssign):
+            yield ast.unparse(node.target), node.annotation
+        elif isinstance(node, ast.FunctionDef) and node.name == "__init__":
+            yield from ((a.arg, a.annotation) for a in node.args.args if a.annotation is not None)
 
 
 def _named(kind: Any) -> _Form:  # noqa: ANN401
-    """A NamedTuple: the list of its fields."""
+    """A value: the list of its fields."""
     hints = _hints(kind)
-    names: tuple[str, ...] = kind._fields
+    is_value = issubclass(kind, Value)
+    names: tuple[str, ...] = fields_of(kind) if is_value else kind._fields
     forms = [_form(hints[name]) for name in names]
     writers = [(i, form.write) for i, form in enumerate(forms) if form.write is not None]
     readers = [form.read for form in forms]
 
     def write(value: Any) -> list[Any]:  # noqa: ANN401
-        fields = list(value)
+        fields = [getattr(value, name) for name in names] if is_value else list(value)
         for place, writer in writers:
             fields[place] = writer(fields[place])
         return fields
@@ -123,7 +134,7 @@ def _named(kind: Any) -> _Form:  # noqa: ANN401
             raise ValueError(f"{kind.__name__} has the fields {', '.join(names)}")
         return kind(*(v if r is None else r(v) for r, v in zip(readers, tree, strict=True)))
 
-    return _Form(write if writers else None, read)
+    return _Form(write if writers or is_value else None, read)
 
 
 def _tuple(arguments: tuple[Any, ...]) -> _Form:
@@ -154,7 +165,7 @@ def _union(arguments: tuple[Any, ...]) -> _Form:
     if not kinds:
         return _AS_IS
     if len(kinds) > 1 or len(kinds) + (type(None) in arguments) < len(arguments):
-        return _choice({kind.__name__: kind for kind in kinds if _is_named_tuple(kind)}, kinds)
+        return _choice({kind.__name__: kind for kind in kinds if _is_value(kind)}, kinds)
     write, read = _form(kinds[0])
     return _Form(
         None if write is None else lambda value: None if value is None else write(value),
@@ -163,7 +174,7 @@ def _union(arguments: tuple[Any, ...]) -> _Form:
 
 
 def _choice(named: dict[str, Any], kinds: list[Any]) -> _Form:
-    """Several NamedTuples: {name: fields}."""
+    """Several values: {name: fields}."""
     if len(named) != len(kinds):
         raise TypeError(f"a choice of {kinds} has no exact text")
     forms = {name: _form(kind) for name, kind in named.items()}
@@ -200,7 +211,7 @@ def _read_any(tree: Any) -> Any:  # noqa: ANN401
     ((name, fields),) = tree.items()
     module, _, qualified = name.partition(":")
     kind: Any = getattr(sys.modules.get(module), qualified, None)
-    if not (_is_named_tuple(kind) or (isinstance(kind, type) and issubclass(kind, IntEnum))):
+    if not (_is_value(kind) or (isinstance(kind, type) and issubclass(kind, IntEnum))):
         raise ValueError(f"{name} is no state of today")
     reader = _form(kind).read
     return fields if reader is None else reader(fields)

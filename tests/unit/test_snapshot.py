@@ -4,7 +4,7 @@ import math
 import struct
 import sys
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, final
 
 import pytest
 from hypothesis import given
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hil import snapshot
 from hil.errors import LogError
+from hil.values import Value
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -26,8 +27,13 @@ class Inner(NamedTuple):
     count: int = 0
 
 
-class Other(NamedTuple):
-    text: str
+@final
+class Other(Value):
+    __slots__ = ("text", "inner")
+
+    def __init__(self, text: str, inner: Inner | None = None) -> None:
+        self.text = text
+        self.inner = inner
 
 
 class Whole(NamedTuple):
@@ -49,7 +55,7 @@ WHOLE = st.builds(
     Whole,
     st.sampled_from(Mode),
     INNER,
-    st.one_of(INNER, st.builds(Other, st.text())),
+    st.one_of(INNER, st.builds(Other, st.text(), st.none() | INNER)),
     st.none() | INNER,
     st.lists(INNER).map(tuple),
     st.tuples(FLOATS, st.integers()),
