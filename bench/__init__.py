@@ -1,3 +1,7 @@
 """The `hil` command: scenarios, orchestration, figures, reports."""
 
-import hil as _hil  # noqa: F401 (compiled modules must be found from the first import on)
+from bench import interrupt as _interrupt
+
+_interrupt.guard()  # before anything that takes its time
+
+import hil as _hil  # noqa: E402, F401 (compiled modules must be found from the first import on)

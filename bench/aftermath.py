@@ -9,7 +9,7 @@ from pathlib import Path
 import hil.log
 from bench.children import Child, End
 from bench.outdir import RunFiles
-from hil.errors import ConfigError, HilError, LogError, RunError
+from hil.errors import ConfigError, HilError, InterruptedRunError, LogError, RunError
 
 SAFE_STATES = {"safe-state", "mode safe"}
 """Codes of the events with which plant and controller say that they are in their safe state."""
@@ -20,7 +20,7 @@ _SPOKEN = {"loop": "plant and controller"}
 def error_of(end: End, children: Sequence[Child], files: RunFiles) -> HilError | None:
     """Return the line that the user is told, None when all processes ended as they should."""
     if end.interrupted:
-        return RunError(f"interrupted; logs: {files.directory}")
+        return InterruptedRunError(f"interrupted; logs: {files.directory}")
     culprit = end.culprit
     if culprit is None:
         return None

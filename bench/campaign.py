@@ -8,11 +8,16 @@ DIR/results.parquet    all of them, by run; DIR/table.md; DIR/distributions.svg;
 from __future__ import annotations
 
 import json
+import multiprocessing
+import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench import outdir
 from bench.campaign_config import Campaign, draw, scenario_of
 from bench.campaign_run import Row, run_many
 from hil.errors import ConfigError, MissingExtraError, RunError
@@ -22,6 +27,9 @@ if TYPE_CHECKING:
 
 PART = 20
 """Runs of a part: at most one part a worker is lost when a campaign is killed."""
+
+_LOOKS, _LOOK_S = 8, 0.05
+"""After an interrupt, for workers that are coming up."""
 
 AHEAD = 3
 """Parts a worker has waiting, so that it never waits for the driver."""
@@ -61,10 +69,7 @@ def indices_of(campaign: Campaign, number: int) -> list[int]:
 
 def _claim(campaign: Campaign, directory: Path) -> None:
     """Make the directory this campaign's, or see that it is."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"--out {directory}: {error.strerror}") from None
+    outdir.make_directory("--out", directory)
     file = directory / "campaign.json"
     text = campaign.model_dump_json(indent=1)
     if not file.exists():
@@ -81,31 +86,60 @@ def _part_file(parts: Path, number: int) -> Path:
 def _cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
     """A client of the cluster at an address, or of one made here on loopback, its dashboard too."""
     try:
-        import dask
         import distributed
     except ImportError:
         raise MissingExtraError("dask.distributed", "campaign", "a campaign") from None
     library: Any = distributed  # its classes carry no types
-    if scheduler is not None:
-        try:
-            with library.Client(scheduler, timeout="10s") as client:
-                yield client
-        except ValueError as error:
-            raise ConfigError(
-                f"--scheduler {scheduler}: {error} (accepted: tcp://HOST:PORT)"
-            ) from None
-        except OSError as error:
-            raise RunError(f"--scheduler {scheduler}: {error}") from None
+    if scheduler is None:
+        with _local_cluster(library, workers) as client:
+            yield client
         return
+    try:
+        with library.Client(scheduler, timeout="10s") as client:
+            yield client
+    except ValueError as error:
+        raise ConfigError(f"--scheduler {scheduler}: {error} (accepted: tcp://HOST:PORT)") from None
+    except OSError as error:
+        raise RunError(f"--scheduler {scheduler}: {error}") from None
+
+
+@contextmanager
+def _local_cluster(library: Any, workers: int) -> Iterator[Any]:  # noqa: ANN401
+    """A client of workers on this machine; Ctrl-C is for this process and ends them at once."""
+    import dask
+
     dask.config.set({"distributed.worker.daemon": True})
-    with (
-        library.LocalCluster(
-            n_workers=workers, threads_per_worker=1, host="127.0.0.1",
+    # What is blocked while the cluster's thread begins stays so in all that it starts, unless the
+    # library's own tracker, begun there, lets it through again.
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        cluster = library.LocalCluster(
+            n_workers=0, threads_per_worker=1, host="127.0.0.1",
             dashboard_address="127.0.0.1:0", silence_logs=50,
-        ) as cluster,
-        library.Client(cluster) as client,
-    ):  # fmt: skip
+        )  # fmt: skip
+        client = library.Client(cluster)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    try:
+        cluster.scale(workers)
+        client.wait_for_workers(workers)
         yield client
+    except KeyboardInterrupt:
+        _abandon(client, cluster)
+        raise
+    client.close()
+    cluster.close()
+
+
+def _abandon(client: Any, cluster: Any) -> None:  # noqa: ANN401
+    """End the workers of a campaign that goes on another time: an orderly end takes seconds."""
+    client.status, cluster.shutdown_on_close = "closed", False
+    cluster.loop.add_callback(cluster.loop.stop)  # it would start others in their place
+    for _ in range(_LOOKS):  # one that is just being started is not listed yet
+        for process in multiprocessing.active_children():
+            process.kill()
+        time.sleep(_LOOK_S)
 
 
 def _computed(

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from bench import outdir
 from bench.outdir import RunFiles
 from hil import log as logs
 from hil.busload import BITS_MAX
@@ -24,10 +25,7 @@ def check_name(path: Path) -> None:
 
     Raises: ConfigError naming the accepted suffixes
     """
-    if path.suffix not in SUFFIXES:
-        raise ConfigError(f"--can-log {path}: accepted is a name ending in {', '.join(SUFFIXES)}")
-    if not path.absolute().parent.is_dir():
-        raise ConfigError(f"--can-log {path}: no such directory {path.parent}")
+    outdir.check_file("--can-log", path, *SUFFIXES)
 
 
 def _timed(log: Log, begin_ns: int, frame_ns: int, order: int) -> Iterator[tuple[int, int, int]]:

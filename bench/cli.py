@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from bench import bench_cli, bus_cli, control_cli, engine_cli, fmu_cli, status_cli
+from bench.interrupt import EXIT_CODE
 from bench.log_cli import register as register_logs
 
 app = typer.Typer(
@@ -173,10 +174,13 @@ fmu_cli.register(app)
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
     try:
-        sys.exit(app(standalone_mode=False))
+        code = app(standalone_mode=False)
+        if code == EXIT_CODE:  # what the library that reads arguments makes of it, and says nothing
+            raise KeyboardInterrupt
+        sys.exit(code)
     except (KeyboardInterrupt, typer.Abort):
         print("interrupted", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(EXIT_CODE)
     except OSError as error:
         print(f"{error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)

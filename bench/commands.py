@@ -15,12 +15,12 @@ from bench.figures import RunData, read_run
 from bench.outdir import RunFiles
 from bench.progress import view_for
 from bench.resolve import resolve
-from bench.run import INTERRUPTED, Ended, execute
+from bench.run import Ended, execute
 from bench.text import size_of
 from drivers.process import read_scenario
 from hil.config.load import parse_assignment
 from hil.config.scenario import Scenario
-from hil.errors import ConfigError, LogError, MissingExtraError, RunError
+from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError, RunError
 
 
 class RunOptions(NamedTuple):
@@ -75,6 +75,8 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     told = _conclude(resolved, ended, files, report=options.report)
     if options.can_log is not None and files.plant_log.exists():
         bus_commands.write_can_log(options.can_log, resolved, files, ended.started)
+    if isinstance(ended.error, InterruptedRunError):
+        raise ended.error
     if told["verdict"] == "fault":
         print(told["exit_reason"], file=sys.stderr)
     else:
@@ -109,7 +111,7 @@ def _conclude(
         facts["bus"] = bus_commands.figures(scenario, files)
     told = summary.summarise(data, facts)
     summary.write(told, files.summary)
-    if report and ended.exit_code != INTERRUPTED and len(data.strokes.t_ns):
+    if report and not isinstance(ended.error, InterruptedRunError) and len(data.strokes.t_ns):
         _write_report(data, told, files)
     return told
 
@@ -135,6 +137,8 @@ def _write_report(data: RunData, told: summary.Summary, files: RunFiles) -> None
 def report(directory: Path, picture: Path | None) -> int:
     """Judge and draw a finished run again, from its logs."""
     files = outdir.opened(directory)
+    if picture is not None:
+        outdir.check_file("--picture", picture, ".svg")
     data = read_run(read_scenario(files.scenario), files)
     told = summary.summarise(data, summary.read_run_facts(files))
     summary.write(told, files.summary)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
-from bench import scenarios
+from bench import outdir, scenarios
 from bench.bound import Bound, Informed, step_bound
 from bench.offline import Course, simulate
 from bench.resolve import resolve
@@ -66,10 +66,11 @@ def run(
     changes = [parse_assignment(text) for text in assignments]
     if model is not None:
         changes.append(("plant.model", model))
-    found = compare(name, laws_of(controllers), changes)
+    laws = laws_of(controllers)
+    directory = out or Path("runs") / f"compare-{scenarios.read(name, changes).name}"
+    outdir.make_directory("--out", directory)
+    found = compare(name, laws, changes)
     text = table(found)
-    directory = out or Path("runs") / f"compare-{found.scenario.name}"
-    directory.mkdir(parents=True, exist_ok=True)
     (directory / "table.md").write_text(text, encoding="utf-8")
     console = Console(highlight=False)
     console.print(text, markup=False, soft_wrap=True)

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from rich.console import Console
 
+from bench import outdir
 from hil import compiled
 from hil.errors import ConfigError, MissingExtraError, RunError
 
@@ -40,10 +41,7 @@ def run(into: Path | None) -> int:
         console.print(f"compiled already: {target}")
         return 0
     _check_tools()
-    try:
-        base.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"{base}: {error.strerror}") from None
+    outdir.make_directory("--into", base)
     with tempfile.TemporaryDirectory(prefix="hil-compile-") as name:
         work = Path(name)
         for package in _PACKAGES:

@@ -47,9 +47,13 @@ def sweep(
     over: Annotated[Over, typer.Option(help="What is varied.")],
     *,
     engine: EngineName = "nu-two-stroke",
-    out: Annotated[Path | None, typer.Option(help="Picture to write (.svg, .png).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Picture to write (.svg, .png, .pdf).")] = None,
 ) -> None:
     """Repeat a parameter study of the thesis: its figures as a table, and as a picture."""
+    from bench import outdir
+
+    if out is not None:
+        outdir.check_file("--out", out, ".svg", ".png", ".pdf")
     if over == "fuel":
         _fuel(out)
     elif engine == "bit-starting" and over == "motor-force":
@@ -107,7 +111,11 @@ def precision(
     out: Annotated[Path | None, typer.Option(help="Table to write (.csv).")] = None,
 ) -> None:
     """Measure work against precision: the fixed step beside scipy's LSODA and RK45."""
+    from bench import outdir
     from bench.engine_precision import measure
+
+    if out is not None:
+        outdir.check_file("--out", out, ".csv")
 
     lines = ["method,step_s_or_rtol,times_real_time,tdc_error_um,peak_pressure_error_percent"]
     lines += [

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from bench import outdir
 from hil.errors import ConfigError, MissingExtraError
 from hil.log import Log, Span
 from hil.log.tables import column_units, columns
@@ -45,10 +46,10 @@ def export(log: Log, kind: str, out: Path, topics: list[str], span: Span) -> lis
     chosen = topics or [name for name, info in log.topics.items() if info.messages]
     for name in chosen:
         log.units(name)  # tells an unknown topic
+    outdir.make_directory("--out", out.parent if kind == "mf4" else out)
     try:
         if kind == "mf4":
             return _to_mf4(log, out, chosen, span)
-        out.mkdir(parents=True, exist_ok=True)
         write: Callable[..., int] = {"parquet": _to_parquet, "csv": _to_csv}[kind]
         return [
             Exported(path, write(log, name, path, span))
@@ -156,7 +157,7 @@ def _to_mf4(log: Log, out: Path, topics: list[str], span: Span) -> list[Exported
     """One measurement file with a channel group a topic; text and frames have no place in it."""
     mdf = library("asammdf", "export to MF4")
     path = out if out.suffix == ".mf4" else out.with_name(f"{out.name}.mf4")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    outdir.check_file("--out", path)
     written = 0
     with mdf.MDF(version="4.10") as file:
         for topic in topics:

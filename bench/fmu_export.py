@@ -18,6 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from bench import outdir
 from bench.fmu_description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
@@ -61,6 +62,7 @@ def export(out: Path, model: str, prototype: str, version: int) -> Exported:
     """
     if model not in MODELS:
         raise ConfigError(f"--model {model}: accepted for a unit: {', '.join(MODELS)}")
+    outdir.check_file("OUT", out, ".fmu")
     folder = _folder(version)
     config = PlantConfig.model_validate({"model": model, "prototype": prototype})
     detailed = model in DETAILED_MODELS

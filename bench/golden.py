@@ -16,7 +16,7 @@ from rich.console import Console
 
 import controller.main
 import plant.main
-from bench import scenarios
+from bench import outdir, scenarios
 from bench.diff import Comparison, compare
 from bench.replay import replay_file
 from bench.resolve import resolve
@@ -26,7 +26,7 @@ from drivers.memory_link import MemoryLink
 from drivers.process import open_recorder
 from hil import log as logs
 from hil.config.scenario import Scenario
-from hil.errors import ConfigError, LogError
+from hil.errors import LogError
 from hil.log.part import ALWAYS
 
 PROCESSES = ("plant", "controller")
@@ -83,6 +83,7 @@ def update(directory: Path) -> int:
 
     Raises: ConfigError when the directory cannot be written
     """
+    outdir.make_directory("--directory", directory)
     console = Console(highlight=False, markup=False, soft_wrap=True)
     with tempfile.TemporaryDirectory(prefix="hil-golden-") as scratch:
         for case in CASES:
@@ -119,11 +120,8 @@ def _replace(console: Console, new: Path, directory: Path) -> None:
     if found is not None and found.same and not _reconfigured(found):
         console.print(f"{old}: unchanged")
         return
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(new, old)
-    except OSError as error:
-        raise ConfigError(f"{old}: {error.strerror}") from None
+    outdir.make_directory("--directory", directory)
+    shutil.copyfile(new, old)
     if found is None:
         console.print(f"{old}: new")
         return

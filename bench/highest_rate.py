@@ -16,7 +16,7 @@ from bench.latency import machine
 from bench.run import execute
 from bench.ticks import answered_share
 from hil.config.scenario import Scenario
-from hil.errors import LogError, RunError
+from hil.errors import InterruptedRunError, LogError, RunError
 
 MISSED_AT_MOST: Final = 1e-4
 LADDER_HZ: Final = (
@@ -62,6 +62,8 @@ def run(link: str, limits_hz: tuple[int, int], seconds: float, out: Path | None)
 
     Raises: ConfigError
     """
+    if out is not None:
+        outdir.make_directory("--out", out)
     console = Console(highlight=False)
     if not cyclictest.installed():
         console.print(f"cyclictest is not installed, so no comparison: {cyclictest.HINT}")
@@ -74,8 +76,9 @@ def run(link: str, limits_hz: tuple[int, int], seconds: float, out: Path | None)
     best = highest(trials)
     console.print(f"highest rate held: {f'{best} Hz' if best else 'none of these'}")
     if out is not None:
-        _write(out, {"link": link, "seconds": seconds, "highest_hz": best, "machine": machine(),
-                     "trials": [{**t._asdict(), "held": t.held} for t in trials]})  # fmt: skip
+        told = {"link": link, "seconds": seconds, "highest_hz": best, "machine": machine(),
+                "trials": [{**t._asdict(), "held": t.held} for t in trials]}  # fmt: skip
+        (out / "rate.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     return 0
 
 
@@ -98,6 +101,8 @@ def try_rate(link: str, rate_hz: int, seconds: float) -> Trial:
     with tempfile.TemporaryDirectory(prefix="hil-rate-") as name:
         files = outdir.prepare(scenario.name, Path(name) / "run", force=False)
         resolved, ended = execute(scenario, files, _Quiet())
+        if isinstance(ended.error, InterruptedRunError):
+            raise KeyboardInterrupt
         try:
             data = read_run(resolved, files)
         except (LogError, RunError):
@@ -129,8 +134,3 @@ def line(trial: Trial) -> str:
     if trial.cyclictest_beyond is not None:
         text += f"; cyclictest beyond a period {trial.cyclictest_beyond * 100:.4f} %"
     return f"{trial.rate_hz:6d} Hz  {'held' if trial.held else 'not held'}: {text}"
-
-
-def _write(out: Path, told: dict[str, Any]) -> None:
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "rate.json").write_text(json.dumps(told, indent=1), encoding="utf-8")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from bench import cyclictest, scenarios
+from bench import cyclictest, outdir, scenarios
 from bench.resolve import resolve
 from hil.config.scenario import Scenario
 from hil.errors import RunError
@@ -53,6 +53,8 @@ def run(plan: Plan, out: Path | None) -> int:
 
     Raises: RunError when a process of it fails, ConfigError
     """
+    if out is not None:
+        outdir.make_directory("--out", out)
     console = Console(highlight=False)
     if not cyclictest.installed():
         console.print(f"cyclictest is not installed, so no comparison: {cyclictest.HINT}")
@@ -63,7 +65,6 @@ def run(plan: Plan, out: Path | None) -> int:
     told = summarise(plan, found)
     _print(console, told)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         (out / "latency.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
         from bench.latency_plot import write_picture
 

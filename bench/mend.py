@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
+from bench import outdir
 from drivers.mcap_file import McapFile, index_messages
 from hil import log as logs
 from hil.errors import ConfigError, LogError
@@ -35,8 +36,10 @@ def repair(path: Path, out: Path | None = None) -> Repaired:
     Raises: LogError when nothing can be saved, or the new file does not read back as it was
         written; ConfigError when it cannot be written
     """
-    found = survey(path)
     target = out or default_out(path)
+    if not target.exists():
+        outdir.check_file("--out", target)
+    found = survey(path)
     try:
         fd = os.open(target, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
     except FileExistsError:

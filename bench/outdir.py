@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -72,12 +73,9 @@ def prepare(name: str, out: Path | None, *, force: bool) -> RunFiles:
             f"--out {directory}: holds an earlier run ({earlier[0].name}); accepted is another "
             "directory, or --force to replace it"
         )
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for path in earlier:
-            path.unlink()
-    except OSError as error:
-        raise ConfigError(f"--out {directory}: {error.strerror}") from None
+    make_directory("--out", directory)
+    for path in earlier:
+        path.unlink()
     return files
 
 
@@ -91,6 +89,46 @@ def opened(directory: Path) -> RunFiles:
         if not needed.is_file():
             raise ConfigError(f"{directory}: no finished run: {needed.name} is missing")
     return files
+
+
+def check_file(option: str, path: Path, *suffixes: str) -> None:
+    """Refuse a file that could not be written after the work; nothing is left behind.
+
+    Raises: ConfigError naming the option and what is accepted
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise ConfigError(f"{option} {path}: accepted is a name ending in {', '.join(suffixes)}")
+    existed = path.exists()
+    try:
+        path.open("ab").close()
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: {error.strerror}") from None
+
+
+def check_directory(option: str, path: Path) -> None:
+    """Refuse a directory in which no file could be made after the work; nothing is left behind.
+
+    Raises: ConfigError naming the option
+    """
+    there = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
+    try:
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: {error.strerror}") from None
+
+
+def make_directory(option: str, path: Path) -> None:
+    """Make a directory for results before the work begins.
+
+    Raises: ConfigError naming the option when no file can be made in it
+    """
+    check_directory(option, path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: {error.strerror}") from None
 
 
 def _fresh(name: str) -> Path:

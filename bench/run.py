@@ -24,7 +24,6 @@ from drivers.recorder import wait_finished
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, HilError
 
-INTERRUPTED = 130
 _LOG_TIMEOUT_S = 30.0
 _MAX_SOCKET_PATH = 107  # sun_path of a unix socket, without its closing zero
 
@@ -77,8 +76,7 @@ async def _run(scenario: Scenario, files: RunFiles, view: View) -> Ended:
     await _collect(children, files)
     processes = {child.name: _facts(child) for child in children}
     error = error_of(end, children, files)
-    code = INTERRUPTED if end.interrupted else error.exit_code if error else 0
-    return Ended(processes, wall_s, started, error, code)
+    return Ended(processes, wall_s, started, error, error.exit_code if error else 0)
 
 
 async def _start(scenario: Scenario, files: RunFiles, view: View) -> list[Child]:

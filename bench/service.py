@@ -12,6 +12,7 @@ import json
 import sys
 from pathlib import Path
 
+from bench import outdir
 from bench.resolve import resolve
 from drivers.process import guarded, read_scenario
 from drivers.service import Service, log_file
@@ -54,12 +55,13 @@ def checked(scenario: Scenario, config: Path) -> Scenario:
 
 def prepare_set_points(config: Path, out: Path) -> int:
     """Check a changed configuration and leave its set points where the controller finds them."""
+    fresh = out.with_suffix(".new")
+    outdir.check_file("--out", fresh)
     controller = checked(resolve(read_scenario(config)), config).controller
     power_w = controller.supervisory.target_power_w
     command = {"kind": "set-point", "tdc_ref_m": controller.tdc_ref_m}
     if power_w is not None:
         command["target_power_w"] = power_w
-    fresh = out.with_suffix(".new")
     fresh.write_text(json.dumps(command))
     fresh.replace(out)
     return 0

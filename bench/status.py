@@ -146,8 +146,6 @@ def watch(config: Path | None, *, as_json: bool) -> int:
     try:
         statuses = gather(operator)
         (_watch_lines if as_json else _watch_table)(operator, statuses)
-    except KeyboardInterrupt:
-        return 0
     finally:
         operator.close()
     return 0

@@ -14,7 +14,7 @@ from rich.console import Console
 
 import controller.main
 import plant.main
-from bench import scenarios
+from bench import outdir, scenarios
 from bench.latency import machine
 from bench.resolve import resolve
 from drivers.links import open_memory
@@ -98,12 +98,13 @@ class Cost(NamedTuple):
 
 def run(ticks: int, out: Path | None) -> int:
     """Run so many ticks of the steady scenario and print the parts."""
+    if out is not None:
+        outdir.make_directory("--out", out)
     watch = Stopwatch()
     whole_us = measure(ticks, watch)
     costs = costs_of(watch)
     _print(Console(highlight=False), costs, whole_us)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         told = {"machine": machine(), "whole_us": whole_us, "parts": [c._asdict() for c in costs]}
         (out / "step.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     return 0

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bench import outdir
 from bench.offline import Course, simulate
 from bench.resolve import resolve
 from bench.scenarios import find
@@ -149,8 +150,8 @@ def judge(cell: Cell, law: str, gains: Gains) -> Result:
 
 
 def read_off(course: Course, tdc_ref_m: float) -> Result:
-    """TDC errors from the load step on."""
-    step_ns = next(event.t_ns for event in course.events if event.code == "disturbance")
+    """TDC errors from the load step on; none when the engine stopped before it."""
+    step_ns = next((e.t_ns for e in course.events if e.code == "disturbance"), math.inf)
     after = [dc for dc in course.dead_centres if dc.t_ns > step_ns]
     return Result(
         tuple((dc.t_ns - step_ns) * 1e-9 for dc in after),
@@ -219,6 +220,8 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
     """
     if law not in TUNABLE:
         raise ConfigError(f"tune {law!r}: accepted are {', '.join(TUNABLE)}")
+    if out is not None:
+        outdir.check_file("--out", out, ".toml")
     before = gains_in_force(law)
     gains = _read_gains(law, start) if start else before
     if search:

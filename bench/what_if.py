@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import controller.main
 import plant.main
+from bench import outdir
 from bench.outdir import RunFiles
 from bench.replay import make, process_of, scenario_of
 from bench.replay_loops import ReplayedController, ReplayedPlant
@@ -92,6 +93,8 @@ def continue_run(directory: Path, wish: Wish) -> Told:
     Raises: LogError when its logs cannot be used, ConfigError when a change cannot be made
     """
     paths = (directory / "plant.mcap", directory / "controller.mcap")
+    if wish.out is not None:
+        _claim(wish.out)
     with logs.open(paths[0]) as plant_log, logs.open(paths[1]) as controller_log:
         scenario = scenario_of(plant_log)
         tick = tick_of(wish.start, scenario.loop.rate_hz)
@@ -102,6 +105,18 @@ def continue_run(directory: Path, wish: Wish) -> Told:
     _go_on(resumed, wanted, directory, out)
     ticks = plant.main.ticks_of(wanted.scenario) - tick
     return Told(directory, out, wanted.scenario, tick, ticks, resumed.notes + wanted.notes)
+
+
+def _claim(out: Path) -> None:
+    """Refuse a directory that holds a run, or cannot be written.
+
+    Raises: ConfigError
+    """
+    if earlier := RunFiles(out).existing():
+        raise ConfigError(
+            f"--out {out}: holds a run ({earlier[0].name}); accepted is another directory"
+        )
+    outdir.check_directory("--out", out)
 
 
 def _fresh(directory: Path) -> Path:
@@ -202,16 +217,9 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
 
     Raises: ConfigError when the directory cannot be written
     """
-    if earlier := RunFiles(out).existing():
-        raise ConfigError(
-            f"--out {out}: holds a run ({earlier[0].name}); accepted is another directory"
-        )
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        text = wanted.scenario.model_dump_json(indent=1)
-        (out / "scenario.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--out {out}: {error.strerror}") from None
+    outdir.make_directory("--out", out)
+    text = wanted.scenario.model_dump_json(indent=1)
+    (out / "scenario.json").write_text(text, encoding="utf-8")
     more = {"continues": {"of": str(of), "tick": str(resumed.tick), **wanted.told}}
     with contextlib.ExitStack() as stack:
         recorders: dict[str, Any] = {}

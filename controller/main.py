@@ -112,7 +112,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
             service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
             follow_in_real_time(loop, connection, pacer.patience_ns, ENDLESS, stop, duty)
         else:
-            connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+            stop.wait_for_peer(connection.link, scenario.loop.peer_timeout_s)
             effort = Effort(recorder)
             last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
             drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep

@@ -21,7 +21,7 @@ from hil import topics
 from hil.config.load import describe, load
 from hil.config.process import LogConfig
 from hil.config.scenario import Scenario
-from hil.errors import ConfigError, HilError
+from hil.errors import ConfigError, HilError, InterruptedRunError
 from hil.ports import Link, Noticing
 from hil.ports import Recorder as PortRecorder
 from hil.records import MESSAGE_HEAD
@@ -165,14 +165,28 @@ class Stop:
 
     def __init__(self) -> None:
         self.requested = False
+        self._at_once = False
 
     def listen(self) -> None:
         """Take over the two signals."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._request)
 
+    def wait_for_peer(self, link: Link, timeout_s: float) -> None:
+        """Wait for the peer; a request to end is followed at once.
+
+        Raises: LinkError when it does not come within the time; KeyboardInterrupt
+        """
+        self._at_once = True
+        try:
+            link.wait_for_peer(timeout_s)
+        finally:
+            self._at_once = False
+
     def _request(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
+        if self._at_once:
+            raise KeyboardInterrupt
 
 
 def last_words(facts: Mapping[str, Any]) -> None:
@@ -181,9 +195,12 @@ def last_words(facts: Mapping[str, Any]) -> None:
 
 
 def guarded(main: Callable[[], int]) -> int:
-    """Run a main function; a known failure is one line and its exit code."""
+    """Run a main function; a known failure is one line and its exit code, Ctrl-C too."""
     try:
         return main()
     except HilError as error:
         print(error, file=sys.stderr)
         return error.exit_code
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return InterruptedRunError.exit_code

@@ -32,6 +32,12 @@ class RunError(HilError):
     """A fault at run time: a lost peer, a process that died, a device that failed."""
 
 
+class InterruptedRunError(RunError):
+    """Ctrl-C has ended a run before its time."""
+
+    exit_code = 130
+
+
 class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 

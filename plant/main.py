@@ -119,7 +119,7 @@ def wait_for_controller(
     """
     timeout_s = scenario.loop.peer_timeout_s
     if service is None:
-        connection.link.wait_for_peer(timeout_s)
+        stop.wait_for_peer(connection.link, timeout_s)
     else:
         service.wait_for_peer(connection.link, "controller", timeout_s, stop)
 

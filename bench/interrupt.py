@@ -1,0 +1,41 @@
+"""Ctrl-C at any moment, while modules are still imported too: one line and exit code 130."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+EXIT_CODE = 130
+"""As a shell has it; this module comes before all others, so it imports none of ours."""
+
+_AGAIN_S = 0.02
+
+
+def guard() -> None:
+    """Have an interrupt that nothing catches told in one line, and none lost in a callback of C."""
+    if sys.excepthook is sys.__excepthook__:
+        sys.excepthook = _tell
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _ask_again
+
+
+def _tell(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    if not issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, traceback)
+        return
+    print("interrupted", file=sys.stderr, flush=True)
+    os._exit(EXIT_CODE)  # the interpreter would end itself by the signal
+
+
+def _ask_again(ignored: UnraisableHookArgs) -> None:
+    if not issubclass(ignored.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(ignored)
+        return
+    threading.Timer(_AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
