@@ -14,7 +14,6 @@ from bench.resolve import resolve
 from bench.settled import Response
 from hil.config.controller import ControllerName
 from hil.config.load import build, parse_assignment, read_toml, with_override
-from hil.config.plant import LoadScaleEvent
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.params import engine_of
@@ -116,7 +115,8 @@ def compare(name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] =
 
 def _load_step(scenario: Scenario) -> tuple[str, float]:
     """The scenario's load step."""
-    steps = [(n, e.value) for n, e in scenario.events.items() if isinstance(e, LoadScaleEvent)]
+    events = scenario.events.items()
+    steps = [(name, e.number("value")) for name, e in events if e.kind == "load-scale"]
     if len(steps) != 1 or steps[0][1] in (0.0, 1.0):
         raise ConfigError(f"{scenario.name}: compare needs a scenario with one load step")
     return steps[0]

@@ -19,8 +19,9 @@ from bench.strokes import (
 )
 from bench.ticks import QUANTILES, TickTiming, age_quantile, answered_share, read_timing
 from hil import log as logs
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.scenario import Scenario
 from hil.log import Log
+from hil.wire.commands import CONTROLLER
 
 BAND_M = 0.1e-3
 """Width of the band about the set point in which the engine counts as settled (thesis 6.3)."""
@@ -159,7 +160,7 @@ def main_instant(data: RunData) -> Instant | None:
 
 
 def _is_operators(scenario: Scenario, name: str) -> bool:
-    return isinstance(scenario.events[name], OperatorEvent)
+    return scenario.events[name].to == CONTROLLER
 
 
 def after(strokes: Strokes, event_ns: int) -> Figures:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.scenario import Scenario
 from hil.log import Log
+from hil.wire.commands import PLANT
 
 SEVERITIES = ("info", "warning", "fault")
 _MAX_KEPT = 2000
@@ -71,7 +72,7 @@ def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
 
 def _instant(scenario: Scenario, name: str, begun: dict[str, int]) -> Instant:
     event = scenario.events[name]
-    if not isinstance(event, OperatorEvent):
+    if event.to == PLANT:
         return Instant(name, event.kind, begun.get(name))
     at_s = event.at_s if event.at_s < scenario.run.duration_s else None
     return Instant(name, event.kind, None if at_s is None else round(at_s * 1e9))

@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.figures import RunData
-from hil.config.plant import (
-    EfficiencyEvent,
-    LoadScaleEvent,
-    MisfireEvent,
-    SensorFaultEvent,
-)
-from hil.config.scenario import Event
+from hil.wire.commands import TimedCommand
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,16 +116,16 @@ def extremes(values: NDArray[np.float64], bins: int) -> NDArray[np.intp]:
     return np.unique(np.array([*least, *most], dtype=np.intp))
 
 
-def describe_event(name: str, event: Event) -> str:
+def describe_event(name: str, event: TimedCommand) -> str:
     """Return a few words that say what an event does."""
-    if isinstance(event, LoadScaleEvent):
-        return f"{name} × {event.value:g}"
-    if isinstance(event, EfficiencyEvent):
-        return f"{name} {event.low * 100:g}–{event.high * 100:g} %"
-    if isinstance(event, MisfireEvent):
-        return f"{name}: no {event.cause}"
-    if isinstance(event, SensorFaultEvent):
-        return f"{name}: {event.signal} {event.substitute}"
+    if event.kind == "load-scale":
+        return f"{name} × {event.number('value'):g}"
+    if event.kind == "efficiency":
+        return f"{name} {event.number('low') * 100:g}–{event.number('high') * 100:g} %"
+    if event.kind == "misfire":
+        return f"{name}: no {event.text('cause')}"
+    if event.kind == "sensor-fault":
+        return f"{name}: {event.text('signal')} {event.text('substitute')}"
     return name
 
 

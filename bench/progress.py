@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from bench.children import Status
 from hil.config.scenario import Scenario
+from hil.wire.status import SHOWN
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -56,11 +57,11 @@ class Newest:
             error = f" ({tdc - ref:+.3f})" if ref is not None and tdc else ""
             found.append(("TDC", f"{tdc:6.3f} mm{error}"))
         if (fuel := self.get("controller", "fuel_mg")) is not None:
-            found.append(("fuel", f"{fuel:.3f} mg"))
+            found.append(("fuel", SHOWN["fuel_mg"].text(fuel)))
         if (mode := self.get("controller", "mode")) is not None:
             found.append(("", str(mode)))
         if self._real_time and (late := self.get("plant", "late_us")) is not None:
-            found.append(("late", f"{late:.0f} µs"))
+            found.append(("late", SHOWN["late_us"].text(late)))
         return found
 
 

@@ -8,7 +8,6 @@ python -m bench.service set-points --config FILE --out FILE
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from drivers.process import guarded, read_scenario
 from drivers.service import Service, log_file
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.wire.commands import read, write
 
 
 def serve(process: str, config: Path, logs: Path | None) -> int:
@@ -58,11 +58,11 @@ def prepare_set_points(config: Path, out: Path) -> int:
     fresh = out.with_suffix(".new")
     outdir.check_file("--out", fresh)
     controller = checked(resolve(read_scenario(config)), config).controller
-    power_w = controller.supervisory.target_power_w
-    command = {"kind": "set-point", "tdc_ref_m": controller.tdc_ref_m}
-    if power_w is not None:
-        command["target_power_w"] = power_w
-    fresh.write_text(json.dumps(command))
+    set_points = {
+        "tdc_ref_m": controller.tdc_ref_m,
+        "target_power_w": controller.supervisory.target_power_w,
+    }
+    fresh.write_bytes(write(read({"kind": "set-point", **set_points}, "reload")))
     fresh.replace(out)
     return 0
 

@@ -19,9 +19,10 @@ from bench.latency import machine
 from bench.outdir import RunFiles
 from bench.progress import view_for
 from bench.run import execute
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.scenario import Scenario
 from hil.errors import RunError
 from hil.segments import segments_before
+from hil.wire.commands import OperatorCommand, begun_at
 
 WARM_UP_S: Final = 60.0
 """After this nothing may grow: the median of the last fifth of what follows against that of the
@@ -232,7 +233,7 @@ def endless(minutes: float, changes: list[tuple[str, Any]]) -> Scenario:
              ("log.segment_bytes", _SEGMENT_BYTES)]  # fmt: skip
     scenario = scenarios.read("steady", [*timed, *changes])
     often = range(_START_S, round(minutes * 60.0), _START_S)
-    starts = {f"start-{at_s}": OperatorEvent(kind="start", at_s=at_s) for at_s in often}
+    starts = {f"start-{at_s}": begun_at(float(at_s), OperatorCommand("start")) for at_s in often}
     return scenario.model_copy(update={"events": starts})
 
 

@@ -5,44 +5,26 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from rich.console import Console
 
-from controller.commands import parse
 from drivers.links import open_operator
 from drivers.process import read_scenario
 from hil.config.load import parse_assignment
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
+from hil.wire.commands import BY_PARAMETER, OperatorCommand, read
+from hil.wire.status import SHOWN, Status
 
 PROCESSES: Final = ("plant", "controller")
 REACHED_S: Final = 2.0
 """Status is published ten times a second; who is silent for this long is not there."""
 
 _POLL_S: Final = 0.02
-_SETTABLE: Final = ("tdc_ref_m", "target_power_w", "law")
-_SHOWN: Final[Mapping[str, tuple[str, Callable[[Any], str]]]] = {
-    "mode": ("mode", str),
-    "t_s": ("time", lambda v: f"{v:.1f} s"),
-    "tick": ("tick", str),
-    "tdc_mm": ("TDC", lambda v: f"{v:.3f} mm"),
-    "tdc_ref_mm": ("set point", lambda v: f"{v:.3f} mm"),
-    "fuel_mg": ("fuel", lambda v: f"{v:.3f} mg"),
-    "load_n_s_m": ("load", lambda v: f"{v:.1f} N s/m"),
-    "late_us": ("late", lambda v: f"{v} µs"),
-    "late_max_us": ("late at most", lambda v: f"{v} µs since the last status"),
-    "missed": ("missed ticks", str),
-    "answered": ("answers", str),
-    "used_tick": ("newest answer", lambda v: f"to tick {v}"),
-    "safe": ("safe state", lambda v: "yes" if v else "no"),
-    "contacts": ("head contacts", str),
-    "stale": ("ticks without sample", str),
-    "late_samples": ("late samples", str),
-}
-Status = Mapping[str, Any]
+_SETTABLE: Final = tuple(name for _, name in BY_PARAMETER.values())
 
 
 class Operator(Protocol):
@@ -95,10 +77,10 @@ def gather(operator: Operator, timeout_s: float | None = None) -> dict[str, Stat
 def rows(statuses: Mapping[str, Status]) -> list[tuple[str, str, str]]:
     """Return (what, plant, controller) as text; counters of reception come last."""
     lines = []
-    for key, (name, text) in _SHOWN.items():
-        plant, controller = (_cell(statuses.get(p, {}), key, text) for p in PROCESSES)
+    for key, shown in SHOWN.items():
+        plant, controller = (_cell(statuses.get(p, {}), key) for p in PROCESSES)
         if plant or controller:
-            lines.append((name, plant, controller))
+            lines.append((shown.label, plant, controller))
     counted = [statuses.get(process, {}).get("reception") or {} for process in PROCESSES]
     for name in dict.fromkeys(name for counters in counted for name in counters):
         left, right = (str(counters.get(name, "")) for counters in counted)
@@ -106,9 +88,9 @@ def rows(statuses: Mapping[str, Status]) -> list[tuple[str, str, str]]:
     return lines
 
 
-def _cell(status: Status, key: str, text: Callable[[Any], str]) -> str:
+def _cell(status: Status, key: str) -> str:
     value = status.get(key)
-    return "" if value is None else text(value)
+    return "" if value is None else SHOWN[key].text(value)
 
 
 def _table(statuses: Mapping[str, Status]) -> Any:  # noqa: ANN401
@@ -181,7 +163,7 @@ def set_points(assignments: Sequence[str], config: Path | None) -> int:
     return _command(commands_of(assignments), config)
 
 
-def commands_of(assignments: Sequence[str]) -> list[dict[str, object]]:
+def commands_of(assignments: Sequence[str]) -> list[OperatorCommand]:
     """Return the commands that KEY=VALUE ask for, checked as the controller checks them.
 
     Raises: ConfigError
@@ -191,32 +173,31 @@ def commands_of(assignments: Sequence[str]) -> list[dict[str, object]]:
     if unknown or not given:
         what = f"{unknown[0]}: unknown" if unknown else "nothing to set"
         raise ConfigError(f"hil set: {what}; accepted: {', '.join(_SETTABLE)} (KEY=VALUE)")
-    commands: list[dict[str, object]] = []
-    numbers: dict[str, object] = {key: given[key] for key in _SETTABLE[:2] if key in given}
-    if numbers:
-        commands.append({"kind": "set-point", **numbers})
-    if "law" in given:
-        commands.append({"kind": "law", "law": given["law"]})
-    for command in commands:
-        parse(json.dumps(command).encode(), "hil set")
-    return commands
+    tables: dict[str, dict[str, Any]] = {}
+    for kind, name in BY_PARAMETER.values():
+        if name in given:
+            tables.setdefault(kind, {"kind": kind})[name] = given[name]
+    try:
+        return [read(table, "hil set") for table in tables.values()]
+    except ValueError as error:
+        raise ConfigError(f"hil set: {error}") from None
 
 
 def order(kind: str, config: Path | None) -> int:
     """Send `start` or `stop`."""
-    return _command([{"kind": kind}], config)
+    return _command([OperatorCommand(kind)], config)
 
 
-def _command(commands: Sequence[Mapping[str, object]], config: Path | None) -> int:
+def _command(commands: Sequence[OperatorCommand], config: Path | None) -> int:
     operator = operator_of(config)
     try:
         _wait_for_controller(operator)
         for command in commands:
-            operator.send_command(command)
+            operator.send_command(command.table())
         status = _after(operator, commands)
     finally:
         operator.close()
-    words = [f"{_SHOWN[k][0]} {_cell(status, k, _SHOWN[k][1])}" for k in ("mode", "tdc_ref_mm")]
+    words = [f"{SHOWN[key].label} {_cell(status, key)}" for key in ("mode", "tdc_ref_mm")]
     print(f"controller: {', '.join(words)}")
     return 0
 
@@ -230,25 +211,25 @@ def _wait_for_controller(operator: Operator) -> None:
     gather(operator)
 
 
-def _after(operator: Operator, commands: Sequence[Mapping[str, object]]) -> Status:
+def _after(operator: Operator, commands: Sequence[OperatorCommand]) -> Status:
     """Return the controller's status once it shows the commanded set point.
 
     Raises: LinkError when it does not
     """
-    wanted = next((c["tdc_ref_m"] for c in commands if "tdc_ref_m" in c), None)
+    wanted_m = next((m for c in commands if (m := c.number("tdc_ref_m")) is not None), None)
     # Of two statuses the second was certainly made after the command came.
     end_s, seen = time.monotonic() + REACHED_S, 0
     while time.monotonic() < end_s:
         while (told := operator.poll_status()) is not None:
             process, status = told
             seen += process == "controller"
-            if seen >= 2 and _shows(status, wanted):
+            if seen >= 2 and _shows(status, wanted_m):
                 return status
         time.sleep(_POLL_S)
     raise LinkError("the controller did not take the command; its log says why")
 
 
-def _shows(status: Status, wanted_m: object) -> bool:
-    if not isinstance(wanted_m, (int, float)):
+def _shows(status: Status, wanted_m: float | None) -> bool:
+    if wanted_m is None:
         return True
-    return math.isclose(float(status.get("tdc_ref_mm") or 0.0), float(wanted_m) * 1e3, abs_tol=1e-6)
+    return math.isclose(float(status.get("tdc_ref_mm") or 0.0), wanted_m * 1e3, abs_tol=1e-6)

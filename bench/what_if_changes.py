@@ -8,15 +8,9 @@ import plant.main
 from hil.config.load import build, parse_assignment, with_override
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.wire.commands import BY_PARAMETER
 from plant.params import PlantParams
 from plant.state import PlantState
-
-_AS_COMMANDS = {
-    "controller.tdc_ref_m": ("set-point", "tdc_ref_m"),
-    "controller.supervisory.target_power_w": ("set-point", "target_power_w"),
-    "controller.name": ("law", "law"),
-}
-"""What an operator can change while the engine runs goes in as his command does."""
 
 _SETTLED = (
     "controller.running", "controller.preset", "controller.supervisory", "plant.prototype",
@@ -51,7 +45,7 @@ def changed(
         key, value = parse_assignment(text)
         _check(key, scenario)
         told[key] = str(value)
-        if key in _AS_COMMANDS:
+        if key in BY_PARAMETER:
             _add_command(tree, key, value, tick * scenario.loop.period_ns * 1e-9)
         else:
             tree = with_override(tree, key, value)
@@ -71,11 +65,11 @@ def _check(key: str, scenario: Scenario) -> None:
 
     Raises: ConfigError
     """
-    if key in _AS_COMMANDS:
+    if key in BY_PARAMETER:
         return
     begins = next((k for k in _SETTLED if key == k or key.startswith(f"{k}.")), None)
     if begins is not None:
-        commands = ", ".join(_AS_COMMANDS)
+        commands = ", ".join(BY_PARAMETER)
         raise ConfigError(
             f"--set {key}: acts at the start of a run only; while it runs these do: {commands}"
         )
@@ -90,7 +84,7 @@ def _check(key: str, scenario: Scenario) -> None:
 
 def _add_command(tree: dict[str, Any], key: str, value: Any, at_s: float) -> None:  # noqa: ANN401
     """Put a change in as the operator's command at the tick from which the run is continued."""
-    kind, field = _AS_COMMANDS[key]
+    kind, field = BY_PARAMETER[key]
     name = f"what-if {key}"
     tree["events"] = {**tree["events"], name: {"kind": kind, "at_s": at_s, field: value}}
 

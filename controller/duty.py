@@ -7,16 +7,15 @@ decides what becomes of it. One that was stopped, or had gone to its safe state,
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from controller.commands import parse
 from controller.loop import ControllerLoop
 from controller.start_restart import Mode
 from hil.errors import ConfigError
 from hil.ports import CommandSource
+from hil.wire.commands import OperatorCommand, parse, write
 
 RUNNING = (Mode.MOTORING, Mode.GENERATING)
 RESUME_TRIES = 20
@@ -80,10 +79,11 @@ class DutyCommands:
         except ConfigError:
             return  # the loop refuses it and says so
         if command is None:
-            return  # a fault, which is the plant's
+            return  # the plant's
         self.stopped = self.stopped or command.kind == "stop"
-        if command.target_power_w is not None:
-            self.target_power_w = command.target_power_w
+        power_w = command.number("target_power_w")
+        if power_w is not None:
+            self.target_power_w = power_w
 
 
 class Resumption:
@@ -105,10 +105,9 @@ class Resumption:
         if not self.tries_left or loop.state.stale or not commands.idle:
             return
         if self.tries_left == RESUME_TRIES and self._set_point:
-            text = json.dumps({"kind": "set-point", **self._set_point})
-            commands.submit("resume", text.encode())
+            commands.submit("resume", write(OperatorCommand("set-point", self._set_point)))
         self.tries_left -= 1
-        commands.submit("resume", b'{"kind": "start"}')
+        commands.submit("resume", write(OperatorCommand("start")))
 
 
 class Duty:

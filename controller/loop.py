@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from controller.commands import OperatorCommand, parse
 from controller.memory import LoopMemory
 from controller.plausibility import CLEAR, judge
 from controller.start_restart import Mode
@@ -23,6 +22,8 @@ from hil.messages import PistonSample, PlantTick
 from hil.pacing import Pacer
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
+from hil.wire.commands import OperatorCommand, parse
+from hil.wire.status import ControllerStatus
 
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""
@@ -267,21 +268,20 @@ class ControllerLoop:
     def _tell(self, tick: int, stroke: StrokeReport | None) -> None:
         """Publish how the controller is."""
         state = self.state
-        self._status.publish(
-            {
-                "tick": tick,
-                "t_s": tick * self.params.period_ns * 1e-9,
-                "mode": state.mode.name.lower(),
-                "tdc_mm": state.motion.tdc_m * 1e3,
-                "tdc_ref_mm": state.set_points.tdc_ref_m * 1e3,
-                "fuel_mg": state.demand.fuel_kg * 1e6,
-                "load_n_s_m": state.set_points.load_n_s_m,
-                "stale": state.stale,
-                "late_samples": self.late,
-                "implausible_samples": self.implausible,
-                "reception": self.decoder.counts()._asdict(),
-            }
+        status = ControllerStatus(
+            mode=state.mode.name.lower(),
+            t_s=tick * self.params.period_ns * 1e-9,
+            tick=tick,
+            tdc_mm=state.motion.tdc_m * 1e3,
+            tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,
+            fuel_mg=state.demand.fuel_kg * 1e6,
+            load_n_s_m=state.set_points.load_n_s_m,
+            stale=state.stale,
+            late_samples=self.late,
+            implausible_samples=self.implausible,
+            reception=self.decoder.counts()._asdict(),
         )
+        self._status.publish(status._asdict())
 
 
 def _status_of(sample: PistonSample | None, batch: bytes) -> int:

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from controller.commands import OperatorCommand
 from controller.duty import Duty
 from controller.loop import ControllerLoop
 from controller.state import initial_state, make_params
@@ -26,12 +25,13 @@ from drivers.process import (
 )
 from drivers.service import ENDLESS, Service
 from hil import snapshot
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.scenario import Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
 from hil.realtime import pin, prepare
+from hil.wire.commands import CONTROLLER, OperatorCommand
 
 STATUS_HZ = 10
 SNAPSHOT_HZ = 4
@@ -60,13 +60,11 @@ def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
     """
     schedule: dict[int, OperatorCommand] = {}
     for event in scenario.events.values():
-        if isinstance(event, OperatorEvent):
+        if event.to == CONTROLLER:
             tick = round(event.at_s * scenario.loop.rate_hz)
             while tick in schedule:
                 tick += 1
-            schedule[tick] = OperatorCommand(
-                event.kind, event.tdc_ref_m, event.target_power_w, law=event.law
-            )
+            schedule[tick] = event.command
     return schedule
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from controller import safety, supervisory, trimming
-from controller.commands import OperatorCommand
 from controller.estimate import Motion, Passed
 from controller.laws import LAWS
 from controller.laws.interface import NO_DEMAND
 from controller.start_restart import Facts, Mode, next_mode
 from controller.state import Inputs, Params, State
 from controller.timing import NO_PLAN
+from hil.wire.commands import OperatorCommand
 
 MISFIRE_CHECK_FRACTION = 0.25
 """Part of a stroke after which the piston's speed tells whether the charge has burnt."""
@@ -90,7 +90,7 @@ def _obey(
     params: Params, state: State, command: OperatorCommand
 ) -> tuple[State, tuple[tuple[str, str], ...]]:
     """Take an operator's command; start and stop are facts for the mode table."""
-    tdc_m = command.tdc_ref_m
+    tdc_m, law = command.number("tdc_ref_m"), command.text("law")
     if tdc_m is not None and safety.is_beyond(params.limit_m, tdc_m):
         text = f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {params.limit_m:g}"
         return state, (("command-refused", text),)
@@ -99,15 +99,15 @@ def _obey(
             params.config,
             params.engine,
             state.set_points,
-            command.tdc_ref_m,
-            command.target_power_w,
+            tdc_m,
+            command.number("target_power_w"),
         )
         state = state._replace(set_points=set_points)
-    if command.law is not None:
-        reason = trimming.refusal(command.law, params.model)
+    if law is not None:
+        reason = trimming.refusal(law, params.model)
         if reason:
             return state, (("command-refused", f"{reason} (from {command.origin})"),)
-        state = _change_law(params, state, command.law)
+        state = _change_law(params, state, law)
     return state, (("command", command.describe()),)
 
 

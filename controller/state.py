@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from controller import supervisory, trimming
 from controller.actuator import Machine
-from controller.commands import OperatorCommand
 from controller.estimate import Motion
 from controller.laws import LAWS
 from controller.laws.engine_map import EngineMap
@@ -18,6 +17,7 @@ from controller.timing import NO_PLAN, Plan, PlannedPulse
 from hil.config.controller import ControllerConfig
 from hil.messages import Message, PistonSample
 from hil.prototypes import PROTOTYPES, Prototype
+from hil.wire.commands import OperatorCommand
 
 
 class Params(NamedTuple):

@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final
 
-MAX_COMMAND_BYTES: Final = 4096
+from hil.wire import commands, status
+
 MAX_ORIGIN_CHARS: Final = 64
 MAX_WAITING: Final = 64  # commands not yet taken; beyond it the oldest is lost
 
 
-def command_json(command: Mapping[str, object]) -> bytes:
-    """Return a command as the key carries it."""
-    return json.dumps(dict(command)).encode()
-
-
 def clip_command(raw: bytes) -> bytes:
     """Cut an oversized command; what is left is no JSON, so it is refused where it is parsed."""
-    return raw if len(raw) <= MAX_COMMAND_BYTES else raw[:MAX_COMMAND_BYTES] + b"..."
+    return raw if len(raw) <= commands.MAX_BYTES else raw[: commands.MAX_BYTES] + b"..."
 
 
 def origin_text(raw: bytes) -> str:
     """Return who a sender says it is, fit for a log line: short and printable."""
     text = raw[: 4 * MAX_ORIGIN_CHARS].decode("utf-8", "replace")[:MAX_ORIGIN_CHARS]
     return "".join(c if c.isprintable() else "?" for c in text) or "unnamed"
-
-
-def status_json(status: Mapping[str, object]) -> bytes:
-    """Return a status as strict JSON: a number that is not one (no estimate yet) becomes null."""
-    return json.dumps({k: finite_or_none(v) for k, v in status.items()}).encode()
-
-
-def finite_or_none(value: object) -> object:
-    """Return the value, or None for nan and the infinities."""
-    return None if isinstance(value, float) and value - value != 0.0 else value
 
 
 class MemoryCommands:
@@ -48,7 +33,7 @@ class MemoryCommands:
 
     def submit(self, origin: str, command: Mapping[str, object]) -> None:
         """Hand over a command."""
-        self._waiting.append((origin_text(origin.encode()), clip_command(command_json(command))))
+        self._waiting.append((origin_text(origin.encode()), clip_command(commands.encode(command))))
 
     def poll(self) -> tuple[str, bytes] | None:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
@@ -68,7 +53,7 @@ class MemoryStatus:
         self.newest: Mapping[str, object] = {}
         self.on_publish: Callable[[Mapping[str, object]], None] = _ignore
 
-    def publish(self, status: Mapping[str, object], /) -> None:
+    def publish(self, told: Mapping[str, object], /) -> None:
         """Publish; never blocks."""
-        self.newest = {k: finite_or_none(v) for k, v in status.items()}
+        self.newest = {k: status.finite_or_none(v) for k, v in told.items()}
         self.on_publish(self.newest)

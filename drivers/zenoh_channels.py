@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import os
 import time
 from collections.abc import AsyncIterator, Mapping
@@ -15,13 +14,11 @@ import zenoh
 from drivers.channels import (
     MAX_WAITING,
     clip_command,
-    command_json,
-    finite_or_none,
     origin_text,
-    status_json,
 )
 from drivers.zenoh_link import ZenohNode, give_back, is_heard
 from hil.errors import LinkError
+from hil.wire import commands, status
 
 _POLL_S: Final = 0.02  # of the live view; a person sees no difference below it
 
@@ -66,11 +63,11 @@ class ZenohStatus:
         )
         self._closed = False
 
-    def publish(self, status: Mapping[str, object], /) -> None:
+    def publish(self, told: Mapping[str, object], /) -> None:
         """Publish; dropped when nobody keeps up or the session is gone."""
         if not self._closed:
             with contextlib.suppress(zenoh.ZError):
-                self._publisher.put(status_json(status))
+                self._publisher.put(status.write(told))
 
     def close(self) -> None:
         """Undeclare the key; a second call does nothing."""
@@ -109,28 +106,26 @@ class ZenohOperator:
             raise LinkError(f"no process of engine {self._node.config.engine!r} takes commands")
         source = zenoh.SourceInfo(self._commands.id, self._sent)
         self._sent += 1
+        raw = commands.encode(command)
         try:
-            self._commands.put(command_json(command), attachment=self._origin, source_info=source)
+            self._commands.put(raw, attachment=self._origin, source_info=source)
         except zenoh.ZError as error:
             raise LinkError(f"zenoh: a command was not sent: {error}") from None
 
     def poll_status(self) -> tuple[str, dict[str, Any]] | None:
         """Return (process, status) of the oldest status not yet taken, or None."""
         while (sample := self._statuses.handler.try_recv()) is not None:
-            try:
-                status = json.loads(sample.payload.to_bytes())
-            except ValueError:
-                continue  # not one of ours; the live view is no place to stop a run for it
-            if isinstance(status, dict):
-                process = str(sample.key_expr).rsplit("/", 1)[1]
-                return process, {k: finite_or_none(v) for k, v in status.items()}
+            process = str(sample.key_expr).rsplit("/", 1)[1]
+            told = status.read(process, sample.payload.to_bytes())
+            if told is not None:  # not one of ours; no reason to stop the live view
+                return process, told
         return None
 
     async def statuses(self) -> AsyncIterator[tuple[str, dict[str, Any]]]:
         """Yield (process, status) as they come, for ever; cancel to stop."""
         while True:
-            while (status := self.poll_status()) is not None:
-                yield status
+            while (told := self.poll_status()) is not None:
+                yield told
             await asyncio.sleep(_POLL_S)
 
     async def wait_for(self, processes: set[str], timeout_s: float) -> None:

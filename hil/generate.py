@@ -1,7 +1,7 @@
 """Everything that follows from hil/messages.py and is checked in: the DBC file and its table.
 
-python -m hil.generate            write hil/fpeg.dbc and docs/messages.md
-python -m hil.generate --check    fail when either has drifted
+python -m hil.generate            write hil/fpeg.dbc, docs/messages.md and docs/commands.md
+python -m hil.generate --check    fail when one has drifted
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from typing import Any
 from hil import messages
 from hil.errors import MissingExtraError
 from hil.signals import LAYOUTS, Layout, Placed
+from hil.wire import reference
 
 ROOT = Path(__file__).resolve().parent.parent
 DBC = ROOT / "hil" / "fpeg.dbc"
 TABLE = ROOT / "docs" / "messages.md"
+COMMANDS = ROOT / "docs" / "commands.md"
 
 CYCLE_MS = 1
 """Nominal cycle time; the loop's rate is configurable, a DBC file's is not."""
@@ -182,13 +184,13 @@ def drifted(outputs: Iterable[tuple[Path, str]]) -> list[Path]:
 
 
 def main() -> int:
-    """Write both files, or check them."""
+    """Write the files, or check them."""
     parser = argparse.ArgumentParser(prog="python -m hil.generate")
     parser.add_argument("--check", action="store_true")
-    outputs = ((DBC, dbc_text()), (TABLE, table_text()))
+    outputs = ((DBC, dbc_text()), (TABLE, table_text()), (COMMANDS, reference.text()))
     if parser.parse_args().check:
         for path in drifted(outputs):
-            print(f"{path.relative_to(ROOT)} has drifted from hil/messages.py", file=sys.stderr)
+            print(f"{path.relative_to(ROOT)} has drifted from its declarations", file=sys.stderr)
         return 1 if drifted(outputs) else 0
     for path, text in outputs:
         path.write_text(text, encoding="utf-8")

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from hil.wire.commands import TDC_REF_M
+
 MassKg = Annotated[float, Field(gt=0.01, le=1000.0)]
 LengthM = Annotated[float, Field(gt=0.001, le=1.0)]
 Ratio = Annotated[float, Field(gt=1.0, le=40.0)]
@@ -19,6 +21,7 @@ LoadCoefficient = Annotated[float, Field(ge=0.0, le=10_000.0)]
 ForceN = Annotated[float, Field(ge=0.0, le=20_000.0)]
 FuelKg = Annotated[float, Field(gt=0.0, le=1.0e-3)]
 PositionM = Annotated[float, Field(ge=0.0, le=1.0)]
+TdcRefM = Annotated[float, Field(ge=TDC_REF_M.low, le=TDC_REF_M.high)]
 
 
 class Prototype(BaseModel):
@@ -40,7 +43,7 @@ class Prototype(BaseModel):
     load_coefficient_n_s_m: LoadCoefficient
     peak_force_n: ForceN
     ignition_from_head_m: PositionM
-    tdc_ref_m: PositionM
+    tdc_ref_m: TdcRefM
     position_limit_m: PositionM
     fuel_min_kg: FuelKg
     fuel_max_kg: FuelKg

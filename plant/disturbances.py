@@ -8,13 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.config.plant import (
-    EfficiencyEvent,
-    LoadScaleEvent,
-    MisfireEvent,
-    PlantEvent,
-    SensorFaultEvent,
-)
+from hil.wire.commands import TimedCommand
 
 LOAD_SCALE = 1
 EFFICIENCY = 2
@@ -73,13 +67,13 @@ class Disturbances(NamedTuple):
         )
 
 
-def compile_edges(events: tuple[PlantEvent, ...]) -> tuple[Edge, ...]:
+def compile_edges(events: tuple[TimedCommand, ...]) -> tuple[Edge, ...]:
     """Turn events into edges in order of time; ends come before beginnings."""
     edges = []
     for index, event in enumerate(events):
-        fraction = event.at_stroke_fraction
+        fraction = event.number("at_stroke_fraction")
         edges.append(Edge(_ns(event.at_s), fraction, index, True))
-        until_s = getattr(event, "until_s", None)
+        until_s = event.command.number("until_s")
         if until_s is not None:
             edges.append(Edge(_ns(until_s), fraction, index, False))
     return tuple(sorted(edges, key=lambda edge: (edge.at_ns, edge.begins, edge.event)))
@@ -121,13 +115,14 @@ def _first(due: tuple[Due, ...]) -> float:
 
 
 def apply(
-    events: tuple[PlantEvent, ...], state: Disturbances, due: Due, held: Held
+    events: tuple[TimedCommand, ...], state: Disturbances, due: Due, held: Held
 ) -> Disturbances:
     """Begin or end one event; among events of a kind the one begun last counts."""
     event = events[due.event]
-    if isinstance(event, MisfireEvent):
-        return state._replace(misfires=state.misfires + event.count, misfire_cause=event.cause)
-    if isinstance(event, SensorFaultEvent):
+    if event.kind == "misfire":
+        misfires = state.misfires + int(event.number("count"))
+        return state._replace(misfires=misfires, misfire_cause=event.text("cause"))
+    if event.kind == "sensor-fault":
         return _apply_fault(event, state, due, held)
     active = tuple(index for index in state.active if index != due.event)
     if due.begins:
@@ -135,21 +130,19 @@ def apply(
     scale, efficiency = 1.0, None
     for index in active:
         current = events[index]
-        if isinstance(current, LoadScaleEvent):
-            scale = current.value
-        elif isinstance(current, EfficiencyEvent):
-            efficiency = (current.low, current.high)
+        if current.kind == "load-scale":
+            scale = current.number("value")
+        elif current.kind == "efficiency":
+            efficiency = (current.number("low"), current.number("high"))
     return state._replace(active=active, load_scale=scale, efficiency=efficiency)
 
 
-def _apply_fault(
-    event: SensorFaultEvent, state: Disturbances, due: Due, held: Held
-) -> Disturbances:
+def _apply_fault(event: TimedCommand, state: Disturbances, due: Due, held: Held) -> Disturbances:
     faults = tuple(fault for fault in state.faults if fault[0] != due.event)
     if not due.begins:
         return state._replace(faults=faults)
     state = state._replace(faults=(*faults, (due.event, held)))
-    return put(state, Due(due.tau_s + event.duration_s, due.event, False))
+    return put(state, Due(due.tau_s + event.number("duration_s"), due.event, False))
 
 
 def take_misfire(state: Disturbances) -> tuple[Disturbances, str]:

@@ -27,6 +27,7 @@ from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
 from hil.signals import most_of
+from hil.wire.status import PlantStatus
 from plant import events as codes
 from plant import faults
 from plant.actuation import PulseOrder
@@ -326,21 +327,20 @@ class PlantLoop:
     def _tell(self, slot: Slot) -> None:
         """Publish how the plant is."""
         state = self.state
-        self._status.publish(
-            {
-                "tick": slot.tick,
-                "t_s": slot.scheduled_ns * 1e-9,
-                "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
-                "late_us": (slot.woke_ns - slot.scheduled_ns) // 1000,
-                "late_max_us": self._late_max_ns // 1000,
-                "missed": self.missed,
-                "contacts": state.contacts,
-                "answered": self.answered,
-                "safe": state.stale >= self.params.stale_ticks,
-                "used_tick": self._used_tick,
-                "reception": self.decoder.counts()._asdict(),
-            }
+        status = PlantStatus(
+            t_s=slot.scheduled_ns * 1e-9,
+            tick=slot.tick,
+            tdc_mm=abs(state.dead_centre.x_m) * 1e3,
+            late_us=(slot.woke_ns - slot.scheduled_ns) // 1000,
+            late_max_us=self._late_max_ns // 1000,
+            missed=self.missed,
+            answered=self.answered,
+            used_tick=self._used_tick,
+            safe=state.stale >= self.params.stale_ticks,
+            contacts=state.contacts,
+            reception=self.decoder.counts()._asdict(),
         )
+        self._status.publish(status._asdict())
         self._late_max_ns = 0
 
 

@@ -20,11 +20,12 @@ from drivers.process import (
 )
 from drivers.service import ENDLESS, Heart, Service
 from hil import snapshot
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.scenario import Scenario
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
 from hil.realtime import pin, prepare
+from hil.wire.commands import PLANT
 from plant.initial import initial_state
 from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params
@@ -35,11 +36,7 @@ SNAPSHOT_HZ = 4
 
 def make_params(scenario: Scenario) -> PlantParams:
     """The plant's part of a scenario."""
-    events = {
-        name: event
-        for name, event in scenario.events.items()
-        if not isinstance(event, OperatorEvent)
-    }
+    events = {name: event for name, event in scenario.events.items() if event.to == PLANT}
     return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
-from hil.config.plant import DETAILED_MODELS, PlantConfig, PlantEvent, SensorConfig
+from hil.config.plant import DETAILED_MODELS, PlantConfig, SensorConfig
 from hil.errors import ConfigError
 from hil.prototypes import Prototype
+from hil.wire.commands import TimedCommand
 from plant.disturbances import Edge, compile_edges
 from plant.nonlinear import CONTACT_GAP_M
 
@@ -70,7 +71,7 @@ class PlantParams(NamedTuple):
     noisy: bool
     seed: int
     names: tuple[str, ...]
-    events: tuple[PlantEvent, ...]
+    events: tuple[TimedCommand, ...]
     edges: tuple[Edge, ...]
     delay_ticks: int = 0
     detailed: WholePlant | None = None
@@ -109,7 +110,7 @@ def plant_params(
     config: PlantConfig,
     period_ns: int,
     seed: int = 0,
-    events: Mapping[str, PlantEvent] | None = None,
+    events: Mapping[str, TimedCommand] | None = None,
 ) -> PlantParams:
     """Flatten a configuration.
 

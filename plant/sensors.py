@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.config.plant import SensorFaultEvent
+from hil.wire.commands import TimedCommand
 from plant.disturbances import Held
 from plant.params import Engine, PlantParams
 from plant.randoms import SENSOR, normal_pair
@@ -52,18 +52,19 @@ def _blur(p: PlantParams, tick: int, x: float, v: float) -> tuple[float, float]:
 def _substitute(p: PlantParams, s: PlantState, x: float, v: float) -> tuple[float, float]:
     for index, held in s.disturbances.faults:
         event = p.events[index]
-        if isinstance(event, SensorFaultEvent):
-            if event.signal == "x":
-                x = _replaced(event, x, held, 0)
-            else:
-                v = _replaced(event, v, held, 1)
+        if event.text("signal") == "x":
+            x = _replaced(event, x, held, 0)
+        else:
+            v = _replaced(event, v, held, 1)
     return x, v
 
 
-def _replaced(event: SensorFaultEvent, true: float, held: Held, which: int) -> float:
-    if event.substitute == "hold":
+def _replaced(event: TimedCommand, true: float, held: Held, which: int) -> float:
+    substitute = event.text("substitute")
+    if substitute == "hold":
         return held[which]
-    return event.value if event.substitute == "value" else true + event.value
+    value = event.number("value")
+    return value if substitute == "value" else true + value
 
 
 def pressures_pa(engine: Engine, s: PlantState) -> tuple[float, float]:

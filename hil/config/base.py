@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from hil.wire.fields import Number
 
 
 class Section(BaseModel):
     """A table of the configuration file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def ranged(number: Number) -> Any:  # noqa: ANN401
+    """Return the constraint of a key of the configuration that means what a command's field does.
+
+    For `Annotated[float, ranged(number)]`.
+    """
+    return Field(ge=number.low, le=number.high)

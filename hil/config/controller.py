@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from hil.config.base import Section
+from hil.config.base import Section, ranged
+from hil.wire.commands import TARGET_POWER_W, TDC_REF_M, LawName
 
-ControllerName = Literal[
-    "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
-]
-
+ControllerName = LawName
+TdcRefM = Annotated[float, ranged(TDC_REF_M)]
+TargetPowerW = Annotated[float, ranged(TARGET_POWER_W)]
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
 
@@ -188,7 +188,7 @@ class StartConfig(Section):
 class SupervisoryConfig(Section):
     """Set points from a target power (level 2); without a target the fixed values hold."""
 
-    target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
+    target_power_w: TargetPowerW | None = None
     load_coefficient_n_s_m: float | None = Field(default=None, ge=0.0, le=5000.0)
     load_slew_n_s_m_per_s: float = Field(default=2000.0, gt=0.0, le=1e6)
     throttle: float = Field(default=1.0, gt=0.0, le=1.0)
@@ -259,7 +259,7 @@ class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
     name: ControllerName = "cascade"
-    tdc_ref_m: Metres | None = None
+    tdc_ref_m: TdcRefM | None = None
     running: bool = Field(default=True, description="begins with the engine already running")
     cascade: CascadeConfig = CascadeConfig()
     single_loop: SingleLoopConfig = SingleLoopConfig()

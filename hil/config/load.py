@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.wire.fields import FieldError
 
 Tree = dict[str, Any]
 
@@ -103,7 +104,7 @@ def describe(error: ValidationError, origin: str) -> str:
     """One line of a validation error: file, key, what was given, what is accepted."""
     first = error.errors(include_url=False)[0]
     parts = [str(part) for part in first["loc"]]
-    key = ".".join(_as_written(parts))
+    key = ".".join(parts)
     more = error.error_count() - 1
     tail = f" (and {more} more)" if more else ""
     if first["type"] == "extra_forbidden":
@@ -111,7 +112,9 @@ def describe(error: ValidationError, origin: str) -> str:
     given = first["input"]
     shown = f" (given: {_shown(given)})" if not isinstance(given, dict) else ""
     message = first["msg"].removeprefix("Value error, ")
-    accepted = _accepted_kinds(parts, first["type"]) or _accepted_range(parts)
+    if isinstance(first.get("ctx", {}).get("error"), FieldError):
+        return f"{origin}: {key}.{message}{tail}"
+    accepted = _accepted_range(parts)
     return f"{origin}: {key or 'scenario'}: {message}{shown}{accepted}{tail}"
 
 
@@ -119,19 +122,6 @@ def _shown(value: object) -> str:
     """A value on part of a line."""
     text = repr(value)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
-
-
-def _as_written(parts: list[str]) -> list[str]:
-    """The key without the kind of the event, which the checker puts behind the event's name."""
-    return parts[:2] + parts[3:] if parts[:1] == ["events"] else parts
-
-
-def _accepted_kinds(parts: list[str], problem: str) -> str:
-    """The kinds of an event that has none."""
-    if problem != "union_tag_not_found":
-        return ""
-    kinds = _section([*parts[:-1], "", ""]).get("discriminator", {}).get("mapping", {})
-    return f"; accepted: {', '.join(kinds)}"
 
 
 def _section(parts: list[str]) -> dict[str, Any]:
@@ -142,18 +132,9 @@ def _section(parts: list[str]) -> dict[str, Any]:
     for part in parts[:-1]:
         below = node.get("properties", {}).get(part)
         if below is None:
-            below = _branch(node, part, definitions)
-        node = _resolve(below, definitions)
+            below = node.get("additionalProperties")
+        node = _resolve(below if isinstance(below, dict) else {}, definitions)
     return node
-
-
-def _branch(node: dict[str, Any], part: str, definitions: dict[str, Any]) -> dict[str, Any]:
-    """Follow a named entry of a table of tables, or a branch that a `kind` selects."""
-    mapping = node.get("discriminator", {}).get("mapping", {})
-    if part in mapping:
-        return {"$ref": mapping[part]}
-    extra = node.get("additionalProperties")
-    return extra if isinstance(extra, dict) else {}
 
 
 def _resolve(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:

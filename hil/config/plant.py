@@ -1,4 +1,4 @@
-"""The plant's part of the configuration and the disturbances a scenario may name."""
+"""The plant's part of the configuration."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from hil.prototypes import (
     PressurePa,
     Prototype,
     Ratio,
+    TdcRefM,
     TemperatureK,
 )
 
@@ -34,8 +35,6 @@ DETAILED_MODELS: tuple[str, ...] = ("two-stroke", "four-stroke", "starting", "mo
 
 _FMU = "fmu:"
 
-Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 FlowScale = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
@@ -60,7 +59,7 @@ class EngineOverrides(_Strict):
     air_fuel_ratio: Ratio | None = None
     peak_force_n: ForceN | None = None
     ignition_from_head_m: PositionM | None = None
-    tdc_ref_m: PositionM | None = None
+    tdc_ref_m: TdcRefM | None = None
     position_limit_m: PositionM | None = None
     fuel_min_kg: FuelKg | None = None
     fuel_max_kg: FuelKg | None = None
@@ -147,71 +146,3 @@ class PlantConfig(_Strict):
         if self.load_coefficient_n_s_m is not None:
             given["load_coefficient_n_s_m"] = self.load_coefficient_n_s_m
         return Prototype.model_validate(PROTOTYPES[self.prototype].model_dump() | given)
-
-
-class _Timed(_Strict):
-    """When: in the first stroke that starts at or after `at_s`, after a fraction of it."""
-
-    at_s: Second = 0.0
-    at_stroke_fraction: Fraction = 0.0
-
-
-class _Lasting(_Timed):
-    """A disturbance that may end, by the same rule as it begins."""
-
-    until_s: Second | None = None
-
-    @model_validator(mode="after")
-    def _ends_after_it_begins(self) -> Self:
-        if self.until_s is not None and self.until_s <= self.at_s:
-            raise ValueError(f"until_s must be greater than at_s = {self.at_s:g}")
-        return self
-
-
-class LoadScaleEvent(_Lasting):
-    """The load coefficient in force is `value` times the commanded one."""
-
-    kind: Literal["load-scale"]
-    value: Annotated[float, Field(ge=0.0, le=10.0)]
-
-
-class EfficiencyEvent(_Lasting):
-    """Combustion efficiency, drawn anew for each combustion, uniform in [low, high]."""
-
-    kind: Literal["efficiency"]
-    low: Fraction = 0.95
-    high: Fraction = 1.0
-
-    @model_validator(mode="after")
-    def _is_a_range(self) -> Self:
-        if self.low > self.high:
-            raise ValueError(f"low must not exceed high = {self.high:g}")
-        return self
-
-
-class MisfireEvent(_Timed):
-    """The next `count` combustions fail, for want of a spark or of fuel."""
-
-    kind: Literal["misfire"]
-    at_stroke_fraction: Annotated[float, Field(ge=0.0, le=0.0)] = 0.0
-    count: Annotated[int, Field(ge=1, le=1000)] = 1
-    cause: Literal["spark", "fuel"] = "spark"
-
-
-class SensorFaultEvent(_Timed):
-    """One signal is replaced: held, set to `value`, or shifted by `value`."""
-
-    kind: Literal["sensor-fault"]
-    signal: Literal["x", "v"]
-    substitute: Literal["hold", "value", "offset"] = "hold"
-    value: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
-    duration_s: Annotated[float, Field(gt=0.0, le=1.0e6)]
-
-
-FAULT_KINDS = ("load-scale", "efficiency", "misfire", "sensor-fault")
-"""Kinds of the plant's events; ordered over the command key they are faults."""
-
-PlantEvent = Annotated[
-    LoadScaleEvent | EfficiencyEvent | MisfireEvent | SensorFaultEvent,
-    Field(discriminator="kind"),
-]

@@ -2,41 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
 from hil.busload import check_fit
 from hil.config.base import Section
-from hil.config.controller import ControllerConfig, ControllerName
+from hil.config.controller import ControllerConfig
+from hil.config.events import Event
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
-from hil.config.plant import PlantConfig, PlantEvent
+from hil.config.plant import PlantConfig
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
-
-
-class OperatorEvent(Section):
-    """A command of the operator at a given time, as if it came over the command key."""
-
-    kind: Literal["start", "stop", "set-point", "law"]
-    at_s: float = Field(ge=0.0, le=86_400.0)
-    tdc_ref_m: float | None = Field(default=None, gt=0.0, le=0.05)
-    target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
-    law: ControllerName | None = None
-
-    @model_validator(mode="after")
-    def _set_point_has_a_value(self) -> OperatorEvent:
-        given = self.tdc_ref_m is not None or self.target_power_w is not None
-        if (self.kind == "set-point") != given:
-            raise ValueError(
-                "tdc_ref_m or target_power_w belongs to kind = 'set-point', and only there"
-            )
-        if (self.kind == "law") != (self.law is not None):
-            raise ValueError("law belongs to kind = 'law', and only there")
-        return self
-
-
-Event = Annotated[PlantEvent | OperatorEvent, Field(discriminator="kind")]
 
 
 class Expectation(Section):

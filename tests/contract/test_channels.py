@@ -8,11 +8,12 @@ import time
 import pytest
 import zenoh
 
-from drivers.channels import MAX_COMMAND_BYTES, MemoryCommands, MemoryStatus, origin_text
+from drivers.channels import MemoryCommands, MemoryStatus, origin_text
 from drivers.links import open_link, open_operator
 from drivers.zenoh_config import session_config
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
+from hil.wire.commands import MAX_BYTES
 
 LOCKSTEP = LoopConfig(clock="lockstep")
 
@@ -62,9 +63,9 @@ def test_frames_and_commands_do_not_mix(bench):
 
 def test_an_oversized_command_is_cut_so_that_it_cannot_be_parsed(bench):
     _, controller, operator = bench
-    operator.send_command({"kind": "x" * 2 * MAX_COMMAND_BYTES})
+    operator.send_command({"kind": "x" * 2 * MAX_BYTES})
     _, raw = eventually(controller.commands.poll)
-    assert len(raw) < MAX_COMMAND_BYTES + 10
+    assert len(raw) < MAX_BYTES + 10
     with pytest.raises(json.JSONDecodeError):
         json.loads(raw)
 
@@ -76,14 +77,14 @@ def test_status_is_followed_from_a_loop(bench):
         seen = {}
         statuses = operator.statuses()
         while len(seen) < 2:
-            plant.status.publish({"tick": 4, "tdc_m": float("nan")})
+            plant.status.publish({"tick": 4, "tdc_mm": float("nan")})
             controller.status.publish({"mode": "run"})
             process, status = await anext(statuses)
             seen[process] = status
         return seen
 
     seen = asyncio.run(asyncio.wait_for(follow(), 5.0))
-    assert seen == {"plant": {"tick": 4, "tdc_m": None}, "controller": {"mode": "run"}}
+    assert seen == {"plant": {"tick": 4, "tdc_mm": None}, "controller": {"mode": "run"}}
 
 
 def test_the_operator_sees_who_leaves(bench):

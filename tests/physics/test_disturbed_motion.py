@@ -5,8 +5,8 @@ import statistics
 import pytest
 from plant_rig import Rig, make
 
-from hil.config.plant import EfficiencyEvent, LoadScaleEvent, MisfireEvent
 from hil.prototypes import NU
+from hil.wire.commands import read_event
 from plant.limit_cycle import fuel_for_tdc
 from plant.params import engine_of
 
@@ -16,7 +16,7 @@ N = fuel_for_tdc(engine_of(NU, "nonlinear"), 0.0155, 810.0)
 
 
 def load(value, **when):
-    return LoadScaleEvent(kind="load-scale", value=value, **when)
+    return read_event(dict(kind="load-scale", value=value, **when))
 
 
 def after_step(model, fuel_kg, value, fraction, **options):
@@ -99,7 +99,7 @@ def test_nonlinear_dead_centres_hardly_depend_on_the_tick():
 
 def dead_centres_after_misfire(left):
     events = {
-        "dead": MisfireEvent(kind="misfire", at_s=0.1, count=1000),
+        "dead": read_event({"kind": "misfire", "at_s": 0.1, "count": 1000}),
         "load": load(left, at_s=0.1),
     }
     rig = Rig(make("harmonic", H, events=events), H).run(1.2)
@@ -126,7 +126,7 @@ def test_misfire_dies_out_as_the_load_left_allows(left, extremum_mm, strokes):
 
 
 def test_one_misfire_of_the_running_engine_is_told_and_outlived():
-    events = {"dead": MisfireEvent(kind="misfire", at_s=0.1, cause="fuel")}
+    events = {"dead": read_event({"kind": "misfire", "at_s": 0.1, "cause": "fuel"})}
     rig = Rig(make("harmonic", H, events=events, load_coefficient_n_s_m=400.0), H * 0.5).run(0.3)
     texts = [e.text for e in rig.events if e.code == "misfire"]
     assert texts[0].endswith("forced, no fuel")
@@ -135,7 +135,7 @@ def test_one_misfire_of_the_running_engine_is_told_and_outlived():
 
 
 def test_misfire_at_the_start_acts_on_the_first_stroke():
-    events = {"dead": MisfireEvent(kind="misfire", at_s=0.0)}
+    events = {"dead": read_event({"kind": "misfire", "at_s": 0.0})}
     rig = Rig(make("harmonic", H, events=events), H)
     assert rig.codes() == ["misfire"] or rig.codes() == ["disturbance", "misfire"]
     assert rig.state.dead_centre.fuel_kg == 0.0
@@ -146,7 +146,7 @@ def test_misfire_at_the_start_acts_on_the_first_stroke():
     ("value", "mean_mm", "sigma_mm"), [(None, 15.256, 0.119), (0.85, 17.95, 0.13)]
 )
 def test_varying_efficiency_spreads_the_dead_centres(value, mean_mm, sigma_mm):
-    events = {"eta": EfficiencyEvent(kind="efficiency")}
+    events = {"eta": read_event({"kind": "efficiency"})}
     if value:
         events["load"] = load(value)
     rig = Rig(make("harmonic", H, events=events, period_ns=5_000_000), H).run(200.0)
@@ -157,7 +157,7 @@ def test_varying_efficiency_spreads_the_dead_centres(value, mean_mm, sigma_mm):
 
 
 def test_same_seed_same_run_and_another_seed_another():
-    events = {"eta": EfficiencyEvent(kind="efficiency")}
+    events = {"eta": read_event({"kind": "efficiency"})}
     runs = [
         Rig(make("harmonic", H, events=events, seed=seed), H).run(0.3).dead_centres
         for seed in (1, 1, 2)

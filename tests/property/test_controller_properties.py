@@ -5,7 +5,6 @@ import math
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from controller.commands import OperatorCommand
 from controller.estimate import Motion, update
 from controller.laws.pi import pi_step
 from controller.start_restart import Mode
@@ -14,13 +13,14 @@ from controller.step import step
 from hil.codec import Encoder
 from hil.config.controller import ControllerConfig, Gains
 from hil.messages import FIRING_MODES, PistonSample
+from hil.wire.commands import OperatorCommand
 
 MS = 1_000_000
 # How long an example takes says something of the machine, not of the controller.
 ANY_MACHINE = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 samples = st.none() | st.builds(PistonSample, st.floats(-0.08, 0.08), st.floats(-8.0, 8.0))
 commands = st.none() | st.builds(
-    lambda kind, tdc: OperatorCommand(kind, tdc_ref_m=tdc if kind == "set-point" else None),
+    lambda kind, tdc: OperatorCommand(kind, {"tdc_ref_m": tdc} if kind == "set-point" else {}),
     st.sampled_from(("start", "stop", "set-point")),
     st.floats(0.001, 0.05),
 )

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hil.config.plant import LoadScaleEvent, PlantConfig
+from hil.config.plant import PlantConfig
+from hil.wire.commands import read_event
 from plant.actuation import MAX_DURATION_US, PulseOrder
 from plant.initial import initial_state
 from plant.machine import MachineOrder
@@ -47,7 +48,7 @@ def play(p, state, script):
 @given(script=scripts, running=st.booleans(), restitution=st.floats(0.0, 0.95))
 @quick
 def test_no_command_breaks_the_plant(model, script, running, restitution):
-    load = LoadScaleEvent(kind="load-scale", value=0.3, at_s=0.01, at_stroke_fraction=0.7)
+    load = read_event({"kind": "load-scale", "value": 0.3, "at_s": 0.01, "at_stroke_fraction": 0.7})
     config = PlantConfig(model=model, contact_restitution=restitution)
     p = plant_params(config, 1_000_000, 0, {"load": load})
     start, _ = initial_state(p, FUEL.get(model, 2.8e-6) if running else None)

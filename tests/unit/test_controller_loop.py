@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
 from controller.start_restart import Mode
 from controller.state import initial_state, make_params
@@ -13,6 +12,7 @@ from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
 from hil.messages import PistonSample, PlantTick
 from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.wire.commands import OperatorCommand
 
 MS = 1_000_000
 NAN = math.nan

@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from controller.commands import OperatorCommand
 from controller.start_restart import Mode
 from controller.state import Inputs, initial_state, make_params
 from controller.step import step
 from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
 from hil.messages import GENERATOR, OFF, PistonSample
+from hil.wire.commands import OperatorCommand
 
 MS = 1_000_000
 OMEGA = 2.0 * math.pi * 19.94
@@ -193,7 +193,7 @@ def test_lost_samples_are_no_misfire():
 
 def test_set_point_of_the_operator_is_taken_and_told():
     p = params()
-    command = OperatorCommand("set-point", tdc_ref_m=0.0145, origin="desk 2")
+    command = OperatorCommand("set-point", {"tdc_ref_m": 0.0145}, origin="desk 2")
     state, outputs = run(p, initial_state(p), range(3), commands={1: command})
     assert state.set_points.tdc_ref_m == 0.0145
     assert texts(outputs) == ["set-point tdc_ref_m=0.0145 from desk 2"]
@@ -201,7 +201,7 @@ def test_set_point_of_the_operator_is_taken_and_told():
 
 def test_set_point_beyond_the_limit_is_refused_and_told():
     p = params()
-    command = OperatorCommand("set-point", tdc_ref_m=0.0196, origin="desk 2")
+    command = OperatorCommand("set-point", {"tdc_ref_m": 0.0196}, origin="desk 2")
     state, outputs = run(p, initial_state(p), range(3), commands={1: command})
     assert state.set_points.tdc_ref_m == 0.0155
     assert [event for output in outputs for event in output.events] == [

@@ -24,8 +24,9 @@ from bench.resolve import resolve
 from bench.scenarios import read
 from hil import snapshot
 from hil.config.load import build
-from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
+from hil.config.plant import FmuConfig, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
+from hil.wire.commands import read_event
 from plant.actuation import PulseOrder
 from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
 from plant.fmu.archive import open_archive
@@ -198,7 +199,7 @@ def test_a_resting_piston_that_is_pushed_sets_off():
 
 
 def test_a_forced_misfire_acts_through_a_unit():
-    events = {"cough": MisfireEvent(kind="misfire", at_s=0.001, count=1)}
+    events = {"cough": read_event({"kind": "misfire", "at_s": 0.001, "count": 1})}
     params, state = rig(ours("harmonic", 3), settled=True, events=events)
     pulses = [PulseOrder(1, 5_000, 3_619), PulseOrder(3, 24_000, 500)]
     _, seen = run(params, state, 30, LOAD, pulses)

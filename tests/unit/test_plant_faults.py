@@ -20,7 +20,7 @@ def order(**fields):
 
 def test_a_fault_is_a_scenario_event_that_begins_now():
     event = order(kind="misfire", count=2)
-    assert (event.kind, event.count, event.at_s) == ("misfire", 2, 0.01)
+    assert (event.kind, event.number("count"), event.at_s) == ("misfire", 2, 0.01)
 
 
 @pytest.mark.parametrize("raw", [b"[", b"3", b'{"kind": "start"}', b'{"kind": "set-point"}'])

@@ -4,7 +4,8 @@ import statistics
 
 import pytest
 
-from hil.config.plant import PlantConfig, SensorConfig, SensorFaultEvent
+from hil.config.plant import PlantConfig, SensorConfig
+from hil.wire.commands import read_event
 from plant.initial import initial_state
 from plant.params import plant_params
 from plant.randoms import normal_pair, uniform
@@ -60,13 +61,15 @@ def test_resolution_rounds():
 )
 @pytest.mark.parametrize("signal", ["x", "v"])
 def test_fault_replaces_one_signal_for_its_duration(signal, substitute, value):
-    fault = SensorFaultEvent(
-        kind="sensor-fault",
-        signal=signal,
-        substitute=substitute,
-        value=value,
-        at_stroke_fraction=0.2,
-        duration_s=0.004,
+    fault = read_event(
+        {
+            "kind": "sensor-fault",
+            "signal": signal,
+            "substitute": substitute,
+            "value": value,
+            "at_stroke_fraction": 0.2,
+            "duration_s": 0.004,
+        }
     )
     which = 0 if signal == "x" else 1
     found = samples(params({"sick": fault}), 15)

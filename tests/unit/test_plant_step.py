@@ -5,9 +5,10 @@ import math
 import pytest
 
 from hil import topics
-from hil.config.plant import MisfireEvent, PlantConfig
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.prototypes import NU
+from hil.wire.commands import read_event
 from plant.actuation import PulseOrder
 from plant.initial import initial_state
 from plant.machine import GENERATOR, MOTOR, OFF, MachineOrder
@@ -97,7 +98,7 @@ def test_unburnt_fuel_is_gone_at_the_next_dead_centre_of_its_side():
 
 
 def test_forced_misfires_are_counted_down():
-    events = {"dead": MisfireEvent(kind="misfire", at_s=0.01, count=1, cause="spark")}
+    events = {"dead": read_event({"kind": "misfire", "at_s": 0.01, "count": 1, "cause": "spark"})}
     p = params(events=events)
     state, misfires = to_next_dead_centre(p, settled(p), FED, SPARK)
     assert misfires == ["right: forced, no spark"]

@@ -127,7 +127,7 @@ def test_start_and_stop_are_sent(joined):
 
 def test_set_points_and_the_law_are_commands_of_their_own():
     given = ["tdc_ref_m=0.015", "target_power_w=900", "law=single-loop"]
-    assert commands_of(given) == [
+    assert [command.table() for command in commands_of(given)] == [
         {"kind": "set-point", "tdc_ref_m": 0.015, "target_power_w": 900},
         {"kind": "law", "law": "single-loop"},
     ]

@@ -1,0 +1,101 @@
+"""Kinds of fields that a command may have, each with its range and its one reader."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+Scalar = float | int | str
+
+_MAX_SHOWN: Final = 60
+
+
+class FieldError(ValueError):
+    """What is wrong with one field of a command; the line begins with the field's name."""
+
+
+class Number(NamedTuple):
+    """A field that is a number from `low` to `high`, ends included.
+
+    default: what holds when it is not given; None: it must be, unless it is `optional`
+    parameter: the key of the configuration that it changes in a running controller
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+    default: float | None = None
+    optional: bool = False
+    parameter: str = ""
+    whole: bool = False
+
+    @property
+    def accepted(self) -> str:
+        """The range in words."""
+        whole = "a whole number from " if self.whole else ""
+        return f"{whole}{self.low:g} to {self.high:g}"
+
+    def read(self, value: object) -> Scalar:
+        """Check a value.
+
+        Raises: ValueError when it is no number of the range
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError
+        if not self.low <= value <= self.high or (self.whole and value != int(value)):
+            raise ValueError
+        return int(value) if self.whole else float(value)
+
+
+class Choice(NamedTuple):
+    """A field that is one of some names."""
+
+    name: str
+    names: tuple[str, ...]
+    meaning: str
+    default: str | None = None
+    optional: bool = False
+    parameter: str = ""
+    unit: str = ""
+
+    @property
+    def accepted(self) -> str:
+        """The names."""
+        return ", ".join(self.names)
+
+    def read(self, value: object) -> Scalar:
+        """Check a value.
+
+        Raises: ValueError when it is none of the names
+        """
+        if not isinstance(value, str) or value not in self.names:
+            raise ValueError
+        return value
+
+
+Field = Number | Choice
+
+
+def value_of(field: Field, given: object) -> Scalar | None:
+    """Return one field's value, its default when it was not given.
+
+    Raises: FieldError with a line that says what is accepted
+    """
+    if given is None:
+        if field.default is None and not field.optional:
+            raise FieldError(f"{field.name} is missing; accepted: {field.accepted}")
+        return field.default
+    try:
+        return field.read(given)
+    except ValueError:
+        raise FieldError(f"{field.name} = {shown(given)}; accepted: {field.accepted}") from None
+
+
+def shown(value: object) -> str:
+    """Return a value on part of a line."""
+    try:
+        text = ascii(value)
+    except RecursionError:
+        return "..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."

@@ -1,0 +1,80 @@
+"""docs/commands.md: commands and status as tables, from their declarations."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Final
+
+from hil.wire import commands, status
+from hil.wire.commands import Declaration
+from hil.wire.fields import Field
+
+_HEAD: Final = """# Commands and status
+
+Generated from `hil/wire/commands.py` and `hil/wire/status.py` by `python -m hil.generate`; do not
+edit.
+
+## Commands
+
+On the Zenoh key `hil/ENGINE/command` (ENGINE is `link.zenoh.engine`, `fpeg` by default) a command
+is one JSON object in UTF-8 of at most {most} bytes, as
+`{{"kind": "set-point", "tdc_ref_m": 0.0152}}`, and acts at once. In a scenario the same table with `at_s` ({at}) is an event; a command to the
+plant may leave it out and acts from the start. What is not accepted is refused in one line by the
+addressee, what is for nobody by the controller; either way it is logged with where it came from.
+"""
+_STATUS: Final = """## Status
+
+Each process publishes how it is on `hil/ENGINE/status/PROCESS` as one JSON object, ten times a
+second. A number that is not known yet is null.
+"""
+_KINDS: Final = {float: "number", int: "whole number", str: "text", bool: "true, false"}
+
+
+def text() -> str:
+    """Return docs/commands.md."""
+    head = _HEAD.format(most=commands.MAX_BYTES, at=f"{commands.AT_S.accepted} s")
+    lines = [head, *(line for declared in commands.DECLARED for line in _command(declared))]
+    lines.append(_STATUS)
+    for process in status.DECLARED:
+        lines += _status(process)
+    return "\n".join(lines)
+
+
+def _command(declared: Declaration) -> list[str]:
+    """Section of one command."""
+    lines = [
+        f"### `{declared.kind}` (to the {declared.to})",
+        "",
+        f"{declared.meaning}.".capitalize(),
+    ]
+    lines += [""]
+    if not declared.fields:
+        return lines
+    return [
+        *lines, "| field | unit | accepted | default | meaning |", "|---|---|---|---|---|",
+        *(_row(field) for field in declared.fields), "",
+    ]  # fmt: skip
+
+
+def _row(field: Field) -> str:
+    default = (
+        "not given" if field.optional else "needed" if field.default is None else str(field.default)
+    )
+    also = f"; changes `{field.parameter}`" if field.parameter else ""
+    unit, accepted = field.unit, field.accepted
+    return f"| `{field.name}` | {unit} | {accepted} | {default} | {field.meaning}{also} |"
+
+
+def _status(process: str) -> list[str]:
+    """Section of one process's status."""
+    doc = inspect.getdoc(status.DECLARED[process]) or ""
+    meanings = dict(line.split(": ", 1) for line in doc.splitlines() if ": " in line)
+    rows = [
+        f"| `{name}` | {figure.shown.unit} | {_KINDS.get(figure.kind, 'counts by name')} |"
+        f" {figure.shown.label} | {meanings[name]} |"
+        for name, figure in status.FIGURES[process].items()
+    ]
+    return [
+        f"### {process}", "", "| field | unit | value | shown as | meaning |",
+        "|---|---|---|---|---|", *rows, "",
+    ]  # fmt: skip
