@@ -18,9 +18,10 @@ edit.
 
 On the Zenoh key `hil/ENGINE/command` (ENGINE is `link.zenoh.engine`, `fpeg` by default) a command
 is one JSON object in UTF-8 of at most {most} bytes, as
-`{{"kind": "set-point", "tdc_ref_m": 0.0152}}`, and acts at once. In a scenario the same table with `at_s` ({at}) is an event; a command to the
-plant may leave it out and acts from the start. What is not accepted is refused in one line by the
-addressee, what is for nobody by the controller; either way it is logged with where it came from.
+`{{"kind": "set-point", "tdc_ref_m": 0.0152}}`, and acts at once. In a scenario the same table with
+`at_s` ({at}) is an event; a command to the plant may leave it out and acts from the start. What is
+not accepted is refused in one line by the addressee, what is for nobody by the controller; either
+way it is logged with where it came from.
 """
 _STATUS: Final = """## Status
 
