@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from hil.wire.fields import Number
+from hil.wire.quantities import Number
 
 
 class Section(BaseModel):

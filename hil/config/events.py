@@ -9,7 +9,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from hil.wire import commands
 from hil.wire.commands import Declaration
-from hil.wire.fields import Field, Number
+from hil.wire.quantities import Field, Number
 
 Schema = dict[str, Any]
 

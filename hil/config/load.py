@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.wire.fields import FieldError
+from hil.wire.quantities import FieldError
 
 Tree = dict[str, Any]
 

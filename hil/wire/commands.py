@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final, Literal, NamedTuple, get_args
 
 from hil.errors import ConfigError
-from hil.wire.fields import Choice, Field, FieldError, Number, Scalar, shown, value_of
+from hil.wire.quantities import Choice, Field, FieldError, Number, Scalar, shown, value_of
 
 CONTROLLER, PLANT = "controller", "plant"
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from hil.wire import commands, status
 from hil.wire.commands import Declaration
-from hil.wire.fields import Field
+from hil.wire.quantities import Field
 
 _HEAD: Final = """# Commands and status
 

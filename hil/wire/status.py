@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Annotated as A
 from typing import Any, Final, NamedTuple, get_args, get_origin, get_type_hints
 
-from hil.wire.fields import Scalar
+from hil.wire.quantities import Scalar
 
 MAX_BYTES: Final = 4096
 """No status is longer."""

@@ -14,7 +14,7 @@ from hil.config.load import build
 from hil.errors import ConfigError
 from hil.wire import commands
 from hil.wire.commands import CONTROLLER, DECLARED, PLANT, OperatorCommand, parse, write
-from hil.wire.fields import Choice, Number
+from hil.wire.quantities import Choice, Number
 
 BESIDE = 1e-9
 """Share of a bound by which a value lies beside it."""
@@ -238,7 +238,7 @@ print(sorted(set(sys.modules) - before))
     loaded = ast.literal_eval(done.stdout)
     assert not {name.partition(".")[0] for name in loaded} & {"numpy", "pydantic", "zenoh", "time"}
     ours = {name for name in loaded if name.startswith("hil.")}
-    assert ours <= {"hil.errors", "hil.wire", "hil.wire.commands", "hil.wire.fields",
+    assert ours <= {"hil.errors", "hil.wire", "hil.wire.commands", "hil.wire.quantities",
                     "hil.wire.status"}  # fmt: skip
 
 
