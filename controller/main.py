@@ -10,11 +10,11 @@ from typing import Any
 from controller.duty import Duty
 from controller.loop import ControllerLoop
 from controller.state import initial_state, make_params
-from drivers.clock import SystemClock
-from drivers.effort import Effort
-from drivers.gpio import open_outputs, with_outputs
+from drivers.gpio.link import open_outputs, with_outputs
 from drivers.links import Connection, open_link
-from drivers.process import (
+from drivers.system.clock import SystemClock
+from drivers.system.effort import Effort
+from drivers.system.process import (
     Stop,
     guarded,
     last_words,
@@ -23,14 +23,14 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Service
+from drivers.system.realtime import pin, prepare
+from drivers.system.service import ENDLESS, Service
 from hil import snapshot
 from hil.config.scenario import Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
-from hil.realtime import pin, prepare
 from hil.wire.commands import CONTROLLER, OperatorCommand
 
 STATUS_HZ = 10

@@ -6,7 +6,6 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from hil.busload import check_fit
 from hil.config.base import Section
 from hil.config.controller import ControllerConfig
 from hil.config.events import Event
@@ -14,6 +13,7 @@ from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
+from hil.wire.busload import check_fit
 
 
 class Expectation(Section):

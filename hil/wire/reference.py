@@ -11,7 +11,7 @@ from hil.wire.quantities import Field
 
 _HEAD: Final = """# Commands and status
 
-Generated from `hil/wire/commands.py` and `hil/wire/status.py` by `python -m hil.generate`; do not
+Generated from `hil/wire/commands.py` and `hil/wire/status.py` by `python -m bench.dev.generate`; do not
 edit.
 
 ## Commands

@@ -5,7 +5,7 @@ import statistics
 import pytest
 from plant_rig import Rig, make
 
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 from hil.wire.commands import read_event
 from plant.limit_cycle import fuel_for_tdc
 from plant.params import engine_of

@@ -4,8 +4,10 @@ import math
 
 import pytest
 
-from bench import cli, outdir, tune
-from bench.offline import Course
+from bench import cli
+from bench.run import directory
+from bench.run.offline import Course
+from bench.studies import tune
 from hil.errors import ConfigError
 
 FILES = {
@@ -37,12 +39,12 @@ def refused(monkeypatch, capsys, tmp_path):
         (tmp_path / "a-run").mkdir(exist_ok=True)
         (tmp_path / "a-run" / name).touch()
     for work in (
-        "bench.engine_sweep.sweep", "bench.engine_precision.measure", "bench.tune.looked_for",
-        "bench.tune.judge", "bench.compare.compare", "bench.latency.measure_round",
-        "bench.highest_rate.try_rate", "bench.step_cost.measure", "bench.golden.record",
-        "bench.run.execute", "bench.commands.execute", "bench.soak.execute",
-        "bench.fmu_export._compile", "bench.commands.read_run", "bench.what_if.resume",
-        "bench.compile._move",
+        "bench.studies.engine.sweep.sweep", "bench.studies.engine.precision.measure", "bench.studies.tune.looked_for",
+        "bench.studies.tune.judge", "bench.studies.compare.compare", "bench.measure.latency.measure_round",
+        "bench.measure.highest_rate.try_rate", "bench.measure.step_cost.measure", "bench.dev.golden.record",
+        "bench.run.execution.execute", "bench.run.commands.execute", "bench.measure.soak.execute",
+        "bench.fmu.export._compile", "bench.run.commands.read_run", "bench.logs.what_if.continuation.resume",
+        "bench.dev.compile._move",
     ):  # fmt: skip
         monkeypatch.setattr(work, lambda *_a, _work=work, **_k: pytest.fail(f"{_work} was begun"))
 
@@ -78,16 +80,16 @@ def test_a_directory_that_cannot_be(refused, tmp_path, what):
 
 
 def test_a_check_leaves_no_trace(tmp_path):
-    outdir.check_file("--out", tmp_path / "x.svg", ".svg")
-    outdir.check_directory("--out", tmp_path / "new" / "deep")
+    directory.check_file("--out", tmp_path / "x.svg", ".svg")
+    directory.check_directory("--out", tmp_path / "new" / "deep")
     assert not (tmp_path / "new").exists()
-    outdir.make_directory("--out", tmp_path / "new")
+    directory.make_directory("--out", tmp_path / "new")
     assert not list((tmp_path / "new").iterdir())
     (tmp_path / "there.svg").write_text("kept")
-    outdir.check_file("--out", tmp_path / "there.svg", ".svg")
+    directory.check_file("--out", tmp_path / "there.svg", ".svg")
     assert (tmp_path / "there.svg").read_text() == "kept"
     with pytest.raises(ConfigError, match="Is a directory"):
-        outdir.check_file("--out", tmp_path / "new")
+        directory.check_file("--out", tmp_path / "new")
 
 
 def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled(monkeypatch):

@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from hil.config.plant import PlantConfig
-from hil.prototypes import PROTOTYPES
+from hil.config.prototypes import PROTOTYPES
 from hil.wire.commands import read_event
 
 

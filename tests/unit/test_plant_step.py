@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from hil import topics
 from hil.config.plant import PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
+from hil.log import topics
 from hil.wire.commands import read_event
 from plant.actuation import PulseOrder
 from plant.initial import initial_state
