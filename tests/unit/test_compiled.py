@@ -15,7 +15,8 @@ def copy(tmp_path, monkeypatch):
     """A copy of the sources to edit, and nothing changed for the rest of the process."""
     for package in ("hil", "plant", "controller", "drivers", "bench"):
         shutil.copytree(compiled.root() / package, tmp_path / "src" / package)
-    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    finders = [finder for finder in sys.meta_path if not isinstance(finder, compiled._Finder)]
+    monkeypatch.setattr(sys, "meta_path", finders)
     monkeypatch.setattr(compiled, "root", lambda: tmp_path / "src")
     monkeypatch.setenv("HIL_COMPILED", str(tmp_path / "built"))
     return tmp_path
