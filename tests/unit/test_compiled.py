@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.compile import _refuse_empty_tuples
 from hil import compiled
 
 
@@ -61,3 +62,12 @@ def test_every_pattern_means_something():
     names = [str(path) for path in compiled.sources(compiled.root())]
     assert all(any(Path(n).match(pattern) for n in names) for pattern in compiled.PATTERNS)
     assert "controller/main.py" not in names
+
+
+def test_a_place_for_the_empty_tuple_alone_is_refused(tmp_path):
+    said = 'CPy_TypeError("tuple[]", r1);\nCPy_AddTraceback("plant/loop.py", "turn", 147, g);\n'
+    (tmp_path / "one.c").write_text('CPy_TypeError("tuple[int]", r1);\n')
+    _refuse_empty_tuples(tmp_path)
+    (tmp_path / "two.c").write_text(said)
+    with pytest.raises(SystemExit, match=r"plant/loop\.py:147 \(turn\): \(\) assigned where"):
+        _refuse_empty_tuples(tmp_path)
