@@ -15,14 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import hil.log
-from bench import fmu_export, golden, scenarios
-from bench.resolve import resolve
+from bench.dev import golden
+from bench.fmu import export
+from bench.run import scenarios
+from bench.run.resolve import resolve
 from controller.laws import LAWS
 from hil import compiled
 from hil.config.plant import FAULT_KINDS, OwnModel
+from hil.config.prototypes import PROTOTYPES
 from hil.config.scenario import OperatorEvent
 from hil.errors import HilError
-from hil.prototypes import PROTOTYPES
 
 MODELS = typing.get_args(OwnModel)
 EVENTS = {
@@ -60,7 +62,7 @@ def _engines(directory: Path) -> Iterator[tuple[str, Changes]]:
         changes = [("plant.prototype", prototype), ("plant.model", model)]
         yield f"{prototype}, {model}", changes
     for version in (2, 3):
-        unit = fmu_export.export(directory / f"{version}.fmu", "nonlinear", "nu", version).path
+        unit = export.export(directory / f"{version}.fmu", "nonlinear", "nu", version).path
         yield f"FMI {version}", [("plant.model", f"fmu:{unit}")]
 
 

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from bench import scenarios
 from bench.cli import app
+from bench.run import scenarios
 
 COMPILED = os.environ.get("HIL_TEST_COMPILED", "")
 WAYS = {"compiled": COMPILED, "interpreted": "off"}

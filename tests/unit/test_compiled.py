@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.compile import _refuse_empty_tuples
+from bench.dev.compile import _refuse_empty_tuples
 from hil import compiled
 
 
