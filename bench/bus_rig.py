@@ -19,7 +19,7 @@ from drivers.links import Connection
 from drivers.recorder import NullRecorder
 from drivers.zenoh_config import Role
 from hil.codec import iter_frames
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.pacing import Slot
 
 TRANSIT_NS: Final = 50_000
@@ -184,7 +184,7 @@ class Tally:
 class Rig:
     """Plant and controller loop on one wire; `turn` runs a tick of both."""
 
-    def __init__(self, scenario: Scenario, fault: Fault) -> None:
+    def __init__(self, scenario: Resolved, fault: Fault) -> None:
         self.scenario = scenario
         self.period_ns = scenario.loop.period_ns
         self.clock = Clock()

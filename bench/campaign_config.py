@@ -12,11 +12,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from bench import scenarios
 from bench.resolve import resolve
-from hil.config.base import Section
+from hil.config.base import Section, read_toml
 from hil.config.controller import ControllerName
-from hil.config.load import build, read_toml, with_override
+from hil.config.load import build, with_override
 from hil.config.plant import Model
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.prototypes import PROTOTYPES
 
@@ -216,7 +216,7 @@ def tree_of(campaign: Campaign, drawn: Drawn) -> Tree:
     return with_override(tree, "controller.preset", preset)
 
 
-def scenario_of(campaign: Campaign, drawn: Drawn) -> Scenario:
+def scenario_of(campaign: Campaign, drawn: Drawn) -> Resolved:
     """The resolved scenario of a run.
 
     Raises: ConfigError when it cannot begin

@@ -11,7 +11,7 @@ from bench.outdir import RunFiles
 from hil import log as logs
 from hil.busload import BITS_MAX
 from hil.codec import iter_frames
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.log import Log
 
@@ -39,7 +39,7 @@ def _timed(log: Log, begin_ns: int, frame_ns: int, order: int) -> Iterator[tuple
             yield at_ns, can_id, word
 
 
-def write(path: Path, scenario: Scenario, files: RunFiles, begin_ns: int) -> int:
+def write(path: Path, scenario: Resolved, files: RunFiles, begin_ns: int) -> int:
     """Write the frames that both processes sent; returns how many.
 
     In a tick the plant's frames come first, then the controller's, each as long after the other

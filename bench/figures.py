@@ -19,7 +19,8 @@ from bench.strokes import (
 )
 from bench.ticks import QUANTILES, TickTiming, age_quantile, answered_share, read_timing
 from hil import log as logs
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
 BAND_M = 0.1e-3
@@ -33,7 +34,7 @@ Figures = dict[str, Any]
 class RunData(NamedTuple):
     """What is kept of a run's logs."""
 
-    scenario: Scenario
+    scenario: Resolved
     truth: Truth
     timing: dict[str, TickTiming]
     happenings: Happenings
@@ -56,7 +57,7 @@ class RunData(NamedTuple):
         return next((i.t_ns for i in self.instants if i.name == name), None)
 
 
-def read_run(scenario: Scenario, files: RunFiles) -> RunData:
+def read_run(scenario: Resolved, files: RunFiles) -> RunData:
     """Read both logs once.
 
     Raises: LogError when one of them cannot be read
@@ -85,7 +86,7 @@ def _electric_energy_j(plant: Log, period_ns: int) -> float:
     return total * period_ns * 1e-9
 
 
-def _last_mode(scenario: Scenario, happenings: Happenings) -> str:
+def _last_mode(scenario: Resolved, happenings: Happenings) -> str:
     """Return the operating mode at the end, from the controller's reports of its changes."""
     mode = "generating" if scenario.controller.running else "off"
     for line in happenings.lines:
@@ -158,7 +159,7 @@ def main_instant(data: RunData) -> Instant | None:
     return next(iter(chosen or disturbing or acted), None)
 
 
-def _is_operators(scenario: Scenario, name: str) -> bool:
+def _is_operators(scenario: Resolved, name: str) -> bool:
     return isinstance(scenario.events[name], OperatorEvent)
 
 

@@ -25,7 +25,7 @@ from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.process import open_recorder
 from hil import log as logs
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
 from hil.log.part import ALWAYS
 
@@ -53,7 +53,7 @@ CASES = (
 _LOCKSTEP = (("link.kind", "memory"), ("loop.clock", "lockstep"))
 
 
-def scenario_for(case: Case) -> Scenario:
+def scenario_for(case: Case) -> Resolved:
     """Return the whole configuration of a golden run."""
     return resolve(scenarios.read(case.scenario, [*case.changes, *_LOCKSTEP]))
 
@@ -94,7 +94,7 @@ def update(directory: Path) -> int:
     return 0
 
 
-def record(scenario: Scenario, out: Path) -> None:
+def record(scenario: Resolved, out: Path) -> None:
     """Run a scenario in memory and lockstep, with both logs."""
     with contextlib.ExitStack() as stack:
         recorders = {}

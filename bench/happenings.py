@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
 SEVERITIES = ("info", "warning", "fault")
@@ -55,7 +56,7 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
     return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
 
 
-def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
+def instants(scenario: Resolved, happenings: Happenings) -> tuple[Instant, ...]:
     """Return when each event of the scenario acted, in the scenario's order.
 
     A disturbance begins at the instant that the plant logged; an operator's command is the
@@ -69,7 +70,7 @@ def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
     return tuple(_instant(scenario, name, begun) for name in scenario.events)
 
 
-def _instant(scenario: Scenario, name: str, begun: dict[str, int]) -> Instant:
+def _instant(scenario: Resolved, name: str, begun: dict[str, int]) -> Instant:
     event = scenario.events[name]
     if not isinstance(event, OperatorEvent):
         return Instant(name, event.kind, begun.get(name))

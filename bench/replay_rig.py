@@ -16,7 +16,7 @@ from bench.replay_loops import ReplayedController
 from bench.replay_turns import Turn
 from hil import topics
 from hil.codec import Encoder
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.log import Log, Span
 from hil.messages import SLOW_SIGNALS, PistonSample, PlantTick
 from hil.records import PAYLOAD_OFFSET
@@ -31,7 +31,7 @@ _STAMPS = {"tick", "t_ns", "answers_tick"}
 Row = dict[str, Any]
 
 
-def replay_rig(log: Log, scenario: Scenario, span: Span) -> Outcome:
+def replay_rig(log: Log, scenario: Resolved, span: Span) -> Outcome:
     """Feed /sensor to the controller, from its initial state, and compare /actuator.
 
     Raises: LogError when /sensor lacks position or speed

@@ -10,7 +10,7 @@ from bench.indicator import Cycle
 from bench.outdir import RunFiles
 from bench.plot_style import svg
 from bench.report_page import small_tile, table
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import MissingExtraError
 
 
@@ -45,7 +45,7 @@ _TABLE: Final = (
 )
 
 
-def section(scenario: Scenario, files: RunFiles) -> str:
+def section(scenario: Resolved, files: RunFiles) -> str:
     """Return the section as HTML, empty for a model without a gas.
 
     Where there is nothing to show it says why.

@@ -11,7 +11,7 @@ from bench.figures import RunData, event_figures, figures
 from bench.outdir import RunFiles
 from bench.verdict import Check, judge
 from drivers.process import versions
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import LogError
 
 SCHEMA = 1
@@ -44,13 +44,13 @@ def _effort(run: dict[str, Any]) -> dict[str, float]:
     return {"processor_cores": cores}
 
 
-def summarise_fault(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def summarise_fault(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """Return the summary of a run whose logs cannot be read."""
     empty: Summary = {"expectations": [], "figures": {}, "events": []}
     return {**_head(scenario, run, []), **empty, **_tail(scenario, run)}
 
 
-def _head(scenario: Scenario, run: dict[str, Any], checks: list[Check]) -> Summary:
+def _head(scenario: Resolved, run: dict[str, Any], checks: list[Check]) -> Summary:
     """Name, verdict, exit code and its reason."""
     failed = [check.text for check in checks if not check.met]
     error = run.get("error")
@@ -71,7 +71,7 @@ def _head(scenario: Scenario, run: dict[str, Any], checks: list[Check]) -> Summa
     }
 
 
-def _tail(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def _tail(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """How it was run, and by which versions."""
     return {
         "run": {

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.config.detailed import names, read
+from hil.config.detailed import read
 from hil.errors import ConfigError
+from hil.prototypes import ENGINES
 from plant.detailed import layout as at
 from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.detailed.gas import flow, heat_release, heat_to_wall
@@ -90,12 +91,9 @@ def test_closed_cylinder_without_losses_is_an_isentrope():
     assert len(strokes(motion)) > 3
 
 
-@pytest.mark.parametrize("name", names())
-def test_each_calibrated_value_has_a_reason(name):
-    from importlib.resources import files
-
-    text = (files("hil") / "engines" / f"{name}.toml").read_text()
-    for line in text.splitlines():
+@pytest.mark.parametrize("path", sorted(ENGINES.glob("*/*.toml")), ids=lambda p: p.parent.name)
+def test_each_figure_has_a_reason(path):
+    for line in path.read_text().splitlines():
         if "=" in line.split("#")[0] and not line.startswith(("name", "title")):
             assert "#" in line, line
 

@@ -16,9 +16,9 @@ from bench import bus_commands, bus_monitor, scenarios
 from bench.bus_load import frame_bits
 from bench.can_log import check_name
 from bench.outdir import RunFiles
-from drivers.process import read_scenario
 from hil.busload import classic_bits
 from hil.codec import iter_frames
+from hil.config.resolved import read_resolved
 from hil.errors import ConfigError
 
 
@@ -68,7 +68,7 @@ def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
 @pytest.mark.parametrize("suffix", ["asc", "blf", "csv"])
 def test_other_formats_hold_the_same_frames_in_the_same_order(done, suffix):
     path = done.directory / f"frames.{suffix}"
-    scenario = read_scenario(done.scenario)
+    scenario = read_resolved(done.scenario)
     count = bus_commands.write_can_log(path, scenario, done, "2026-01-02T03:04:05+0000")
     frames = []
     for log in (done.plant_log, done.controller_log):
@@ -92,7 +92,7 @@ def test_the_load_is_told_in_one_line(done, capsys):
     line = capsys.readouterr().out
     assert "bus load 5" in line
     assert "81.0% at the worst possible" in line
-    figures = bus_commands.figures(read_scenario(done.scenario), done)
+    figures = bus_commands.figures(read_resolved(done.scenario), done)
     assert json.dumps(figures)
     assert 0.4 < figures["load_mean"] < figures["load_fullest_tick"] < 0.81
 

@@ -11,7 +11,8 @@ from bench.resolve import resolve
 from bench.scenarios import find
 from controller.laws import LAWS
 from controller.trimming import refusal
-from hil.config.load import build, read_toml, with_override
+from hil.config.base import read_toml
+from hil.config.load import build, with_override
 from hil.errors import ConfigError
 from hil.prototypes import NU
 from plant.params import engine_of

@@ -13,7 +13,7 @@ from bench.indicator import last_cycle
 from bench.outdir import RunFiles
 from bench.plots_engine import parts_of, power, pressure_volume, pressure_volume_log
 from bench.report_engine import section
-from drivers.process import read_scenario
+from hil.config.resolved import read_resolved
 from hil.errors import MissingExtraError
 
 
@@ -22,7 +22,7 @@ def made(directory, model, duration_s, report=False):
     given = [f"run.duration_s={duration_s}"]
     run("steady", overrides(flags, given), RunOptions(directory, report, True))
     files = RunFiles(directory)
-    return read_scenario(files.scenario), files
+    return read_resolved(files.scenario), files
 
 
 @pytest.fixture(scope="module")
