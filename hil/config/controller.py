@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import Section
+from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN
-from hil.prototypes import DEFAULT
 
 ControllerName = Literal[
     "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
@@ -54,7 +54,7 @@ class CascadeConfig(Section):
 
     outer: m/s of velocity reference per m of TDC error
     inner: kg of fuel per m/s of velocity error
-    Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
+    Found by `python -m bench.studies.tune cascade`; objective and result are in docs/tuning.md.
     """
 
     outer: OuterGains = OuterGains()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import OneOf, Section
+from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype
 from hil.config.ranges import (
     STALE_TICKS,
     DeadTimeS,
@@ -15,7 +16,6 @@ from hil.config.ranges import (
     Restitution,
     StaleTicks,
 )
-from hil.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 OwnModel = Literal[

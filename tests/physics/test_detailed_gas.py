@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.config.detailed import read
+from hil.config.prototypes import ENGINES
 from hil.errors import ConfigError
-from hil.prototypes import ENGINES
 from plant.detailed import layout as at
 from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.detailed.gas import flow, heat_release, heat_to_wall

@@ -6,8 +6,8 @@ import tomllib
 import pytest
 
 from hil.config.detailed import calibrations, read_file
+from hil.config.prototypes import ENGINES, PROTOTYPES, model_files, read
 from hil.errors import ConfigError
-from hil.prototypes import ENGINES, PROTOTYPES, model_files, read
 
 
 @pytest.fixture
