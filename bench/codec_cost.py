@@ -15,7 +15,15 @@ from typing import Any, Final, NamedTuple
 import hil
 from hil.codec import Decoder, Encoder, iter_frames
 from hil.errors import MissingExtraError
-from hil.messages import ControllerTick, MachineCommand, Message, PistonSample, PlantTick, Pulse
+from hil.messages import (
+    PULSE_CLOCK_US,
+    ControllerTick,
+    MachineCommand,
+    Message,
+    PistonSample,
+    PlantTick,
+    Pulse,
+)
 
 LIMIT_US: Final = 10.0
 _TICKS: Final = 100
@@ -50,8 +58,8 @@ def tick_messages(tick: int, *, fresh: bool) -> tuple[tuple[Message, ...], tuple
         (
             ControllerTick(tick, 4, 2),
             MachineCommand(2, 0.0, 810.0 - 0.01 * (n % 100), 1.0),
-            Pulse(0, (n * 1000 + 417) % (1 << 20), 3618),
-            Pulse(2, (n * 1000 + 917) % (1 << 20), 500),
+            Pulse(0, (n * 1000 + 417) % PULSE_CLOCK_US, 3618),
+            Pulse(2, (n * 1000 + 917) % PULSE_CLOCK_US, 500),
         ),
     )
 

@@ -73,12 +73,9 @@ class Line(Value):
     __slots__ = ("open", "pending", "last", "refused")
 
     def __init__(
-        self,
-        open: Pulse | None = None,
-        pending: Pulse | None = None,
-        last: Pulse | None = None,
-        refused: Pulse | None = None,
-    ) -> None:
+        self, open: Pulse | None = None, pending: Pulse | None = None,
+        last: Pulse | None = None, refused: Pulse | None = None,
+    ) -> None:  # fmt: skip
         self.open = open
         self.pending = pending
         self.last = last
@@ -92,11 +89,9 @@ class PulseTable(Value):
     __slots__ = ("lines", "next_edge_ns", "refusals")
 
     def __init__(
-        self,
-        lines: tuple[Line, ...] = (Line(),) * WITHOUT_VALVES,
-        next_edge_ns: int = NEVER_NS,
-        refusals: tuple[int, ...] = (0,) * len(REASONS),
-    ) -> None:
+        self, lines: tuple[Line, ...] = (Line(),) * WITHOUT_VALVES,
+        next_edge_ns: int = NEVER_NS, refusals: tuple[int, ...] = (0,) * len(REASONS),
+    ) -> None:  # fmt: skip
         self.lines = lines
         self.next_edge_ns = next_edge_ns
         self.refusals = refusals
@@ -146,8 +141,6 @@ def orders_of(sent: Sequence[messages.Pulse]) -> tuple[PulseOrder, ...]:
 
 def superseded(older: list[messages.Pulse], newer: list[messages.Pulse]) -> list[messages.Pulse]:
     """Of two answers that act in one tick the newer one counts, channel by channel."""
-    if not older:
-        return newer
     channels = [pulse.channel for pulse in newer]
     return [pulse for pulse in older if pulse.channel not in channels] + newer
 
@@ -158,7 +151,7 @@ def follow(
     """Take what a tick's answer says of the lines, at the tick's start.
 
     Parameters: fires : whether the answer's mode lets a line be high
-    Returns: the table, due closings at now included, and which orders were refused and why
+    Returns: the table, some of whose edges may be due now, and which orders were refused and why
     """
     if not fires:
         return shut(table, now_ns), ()
@@ -235,9 +228,9 @@ def _withdraw(line: Line, open_ns: int, now_ns: int) -> Line:
     return line
 
 
-def _closed(pulse: Pulse, now_ns: int) -> Pulse:
-    """Return an open pulse that ends now."""
-    return Pulse(pulse.order, pulse.open_ns, min(pulse.close_ns, now_ns))
+def _closed(pulse: Pulse | None, now_ns: int) -> Pulse | None:
+    """Return an open pulse, if there is one, as it is when it ends now."""
+    return pulse and Pulse(pulse.order, pulse.open_ns, min(pulse.close_ns, now_ns))
 
 
 def _objection(line: Line, pulse: Pulse, now_ns: int, moves: bool) -> str:
@@ -280,17 +273,8 @@ def shut(table: PulseTable, now_ns: int) -> PulseTable:
     """Let what is open close now, and drop what is to come."""
     if table.next_edge_ns == NEVER_NS:
         return table
-    lines = tuple(
-        [
-            Line(
-                open=None if line.open is None else _closed(line.open, now_ns),
-                pending=None,
-                last=line.last,
-                refused=line.refused,
-            )
-            for line in table.lines
-        ]
-    )
+    lines = tuple([replace(line, open=_closed(line.open, now_ns), pending=None)
+                   for line in table.lines])  # fmt: skip
     return PulseTable(lines, _next_edge(lines), table.refusals)
 
 
