@@ -27,7 +27,7 @@ from controller.start_restart import Mode
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.supervisory import SetPoints
 from controller.timing import NO_PLAN, Plan
-from hil.messages import PistonSample
+from hil.wire.messages import PistonSample
 from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE = 0.3

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, TypeVar, final
 
-from hil.messages import SPARK_LEFT, VALVES
 from hil.values import Value
 from hil.wire import pulses
+from hil.wire.messages import SPARK_LEFT, VALVES
 from hil.wire.pulses import Pulse, PulseTable
 
 _T = TypeVar("_T")

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from hil.config.base import Section
-from hil.messages import CHANNELS
+from hil.wire.messages import CHANNELS
 
 LineOffset = Annotated[int, Field(ge=0, le=1023)]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, final
 
-from hil import messages
-from hil.messages import CHANNELS, FIRING_MODES, INTAKE_LEFT, PULSE_CLOCK_US
 from hil.values import Value, replace
+from hil.wire import messages
+from hil.wire.messages import CHANNELS, FIRING_MODES, INTAKE_LEFT, PULSE_CLOCK_US
 
 INJECTOR, SPARK, VALVE = "injector", "spark", "valve"
 KINDS: Final = tuple(

@@ -9,8 +9,8 @@ import numpy as np
 
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
-from hil.messages import CHANNELS, VALVES
 from hil.values import replace
+from hil.wire.messages import CHANNELS, VALVES
 from hil.wire.pulses import lines_for
 from plant import actuation, disturbances, orders
 from plant.actuation import Actuation, Injector

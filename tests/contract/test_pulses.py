@@ -11,14 +11,14 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from drivers.gpio_process import EdgeDriver
-from hil.codec import FRAME, Encoder
+from drivers.gpio.process import EdgeDriver
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
-from hil.e2e import ReceptionCounts
-from hil.messages import CHANNELS, OPERATING_MODES, ControllerTick, MachineCommand, Pulse
 from hil.pacing import RealTimePacer
 from hil.wire import pulses
+from hil.wire.codec import FRAME, Encoder
+from hil.wire.e2e import ReceptionCounts
+from hil.wire.messages import CHANNELS, OPERATING_MODES, ControllerTick, MachineCommand, Pulse
 from plant.actuation import Actuation
 from plant.initial import initial_state
 from plant.loop import PlantLoop

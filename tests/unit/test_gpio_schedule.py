@@ -2,8 +2,8 @@
 
 import pytest
 
-from drivers.gpio_schedule import EdgeSchedule, PlantClock
-from hil.messages import Pulse
+from drivers.gpio.schedule import EdgeSchedule, PlantClock
+from hil.wire.messages import Pulse
 from hil.wire.pulses import NEVER_NS
 
 MS = 1_000_000

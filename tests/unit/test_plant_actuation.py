@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil.messages import INJECTOR_LEFT, SPARK_RIGHT
+from hil.wire.messages import INJECTOR_LEFT, SPARK_RIGHT
 from hil.wire.pulses import PulseOrder, follow, lines_for
 from plant.actuation import Actuation, Injector, advance, fuel_until, scavenge, with_table
 

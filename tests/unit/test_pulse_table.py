@@ -4,8 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.messages import CHANNELS, INJECTOR_LEFT, OPERATING_MODES, PULSE_CLOCK_US, SPARK_RIGHT
 from hil.wire import pulses
+from hil.wire.messages import (
+    CHANNELS,
+    INJECTOR_LEFT,
+    OPERATING_MODES,
+    PULSE_CLOCK_US,
+    SPARK_RIGHT,
+)
 from hil.wire.pulses import (
     BACK_US,
     CONTRADICTORY,
