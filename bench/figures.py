@@ -178,6 +178,7 @@ def event_figures(data: RunData) -> list[Figures]:
     rows = []
     for instant in data.instants:
         row: Figures = {"name": instant.name, "kind": instant.kind, "t_s": None}
+        row["refused"] = instant.refused or None
         if instant.t_ns is not None:
             row["t_s"] = instant.t_ns * 1e-9
             row |= after(data.strokes, instant.t_ns)

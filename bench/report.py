@@ -15,6 +15,7 @@ from bench.plot_style import style, svg
 from bench.report_page import STYLE, TILES, Tile, small_tile, table
 from bench.summary import Summary
 from bench.traces import Traces, read_traces
+from bench.verdict import VERDICTS
 from hil.errors import MissingExtraError
 
 _MAX_EVENTS = 300
@@ -73,7 +74,7 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
     facts = [run["model"], run["prototype"].upper(), run["controller"], run["link"], run["clock"]]
     facts += [f"{run['rate_hz']} Hz", f"{run['duration_s']:g} s", f"seed {run['seed']}"]
     verdict = summary["verdict"]
-    badge = f'<span class="badge {verdict.replace(" ", "-")}">{_VERDICTS[verdict]}</span>'
+    badge = f'<span class="badge {verdict.replace(" ", "-")}">{VERDICTS[verdict]}</span>'
     head = (
         f"<header><div><h1>{name}</h1><p>{html.escape(summary['description'])}</p>"
         f'<p class="facts">{html.escape(" · ".join(map(str, facts)))}</p></div>{badge}</header>'
@@ -99,11 +100,8 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
     )
 
 
-_VERDICTS = {"met": "expectations met", "not met": "expectation not met", "fault": "fault"}
-
-
 def _fault(summary: Summary) -> str:
-    if summary["verdict"] != "fault":
+    if summary["verdict"] not in {"fault", "blocked"}:
         return ""
     return f'<p class="fault">{html.escape(summary["exit_reason"])}</p>'
 

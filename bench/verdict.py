@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from bench.figures import RunData
 from bench.strokes import peak_error_m, settling_ns
 from hil.config.scenario import Expectation
+from hil.errors import BlockedError
 
 AT_REST_M_S = 0.01
+
+
+VERDICTS = {
+    "met": "expectations met",
+    "none": "nothing expected",
+    "not met": "expectation not met",
+    "blocked": "an order was refused",
+    "fault": "fault",
+}
+"""Every verdict of a run, with how it is told."""
+
+NOT_MET = 1
+
+
+class Verdict(NamedTuple):
+    """What a run came to, the exit code of `hil run`, and why, in one line."""
+
+    name: str
+    exit_code: int
+    reason: str
 
 
 class Check(NamedTuple):
@@ -32,6 +53,31 @@ def judge(data: RunData) -> list[Check]:
         keys = [key for key in _JUDGES if key in given]
         checks += [_check(name, key, data, expectation, begin_ns) for key in keys]
     return checks
+
+
+def refusals(data: RunData) -> list[str]:
+    """Tell which orders were refused and what would have been accepted, one line each."""
+    named = [(instant.refused, instant.name) for instant in data.instants if instant.refused]
+    told = []
+    for line in data.happenings.refusals:
+        own = next((pair for pair in named if pair[0] == line.text), None)
+        if own is not None:
+            named.remove(own)
+        who = line.source if own is None else f"event {own[1]!r}"
+        told.append(f"{who} refused: {line.text}")
+    return told
+
+
+def conclude(checks: Sequence[Check], refused: Sequence[str]) -> Verdict:
+    """Return the verdict of a run that went to its end; a refused order outranks expectations."""
+    failed = [check.text for check in checks if not check.met]
+    if refused:
+        return Verdict("blocked", BlockedError.exit_code, "; ".join(refused))
+    if failed:
+        return Verdict("not met", NOT_MET, "; ".join(failed))
+    if checks:
+        return Verdict("met", 0, "every expectation met")
+    return Verdict("none", 0, VERDICTS["none"])
 
 
 def _check(

@@ -133,6 +133,46 @@ def test_summary_is_json_without_nan(response, tmp_path):
     assert read["figures"]["wall_s"] == 2.0
 
 
+RAISE = {"kind": "set-point", "tdc_ref_m": 0.03, "at_s": 0.4}
+REFUSED = (400_000_000, "command-refused", "tdc_ref_m=0.03 from scenario: accepted up to 0.0195")
+
+
+def told_of(directory, said=(), plant_said=(LOAD,), **changes):
+    """Summarise a synthetic run in which the controller said this; `changes` are whole tables."""
+    made = Made(alternating(RESPONSE), events=plant_said, controller_events=said)
+    scenario, files = make_run(directory, made, run__duration_s=1.0)
+    changed = scenario.model_validate(scenario.model_dump() | changes)
+    return summarise(read_run(changed, files), {})
+
+
+def test_a_scenario_that_expects_nothing_is_not_met(tmp_path):
+    told = told_of(tmp_path, expect={})
+    assert (told["verdict"], told["exit_code"]) == ("none", 0)
+    assert told["exit_reason"] == "nothing expected"
+
+
+def test_a_refused_event_blocks_the_run_and_names_the_bound(tmp_path):
+    told = told_of(tmp_path, (REFUSED,), events={"raise": RAISE}, expect={})
+    assert (told["verdict"], told["exit_code"]) == ("blocked", 4)
+    assert told["exit_reason"] == f"event 'raise' refused: {REFUSED[2]}"
+    assert told["refused"] == [told["exit_reason"]]
+    (event,) = told["events"]
+    assert (event["t_s"], event["refused"]) == (None, REFUSED[2])
+
+
+def test_an_order_that_the_plant_refused_blocks_the_run_too(tmp_path):
+    text = "command from desk: count: Input should be greater than 0"
+    told = told_of(tmp_path, (), (LOAD, (1, "command-refused", text)))
+    assert (told["verdict"], told["exit_reason"]) == ("blocked", f"plant refused: {text}")
+
+
+def test_verdicts_rest_on_every_line_however_many_others_there_are(tmp_path):
+    many = tuple((tick * 100_000, "misfire", "left") for tick in range(2500))
+    told = told_of(tmp_path, (REFUSED,), (*many, LOAD))
+    assert told["events"][0]["t_s"] == pytest.approx(0.26)
+    assert told["figures"]["misfires"] == 2500
+
+
 def test_a_fault_keeps_its_reason_and_exit_code(response):
     told = summarise_fault(response.scenario, {"error": "plant died", "exit_code": 3})
     assert (told["verdict"], told["exit_code"], told["exit_reason"]) == ("fault", 3, "plant died")
