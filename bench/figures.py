@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.electric import Electric, read_electric
 from bench.happenings import Happenings, Instant, instants, read_happenings
 from bench.outdir import RunFiles
 from bench.strokes import (
@@ -16,9 +17,13 @@ from bench.strokes import (
     read_truth,
     set_points,
     settling_ns,
+    whole_cycles,
 )
 from bench.ticks import QUANTILES, TickTiming, age_quantile, answered_share, read_timing
+from controller.memory import LoopMemory
+from controller.state import initial_mode
 from hil import log as logs
+from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.log import Log
 
@@ -38,7 +43,7 @@ class RunData(NamedTuple):
     timing: dict[str, TickTiming]
     happenings: Happenings
     instants: tuple[Instant, ...]
-    electric_energy_j: float
+    electric: Electric
     mode: str
 
     @property
@@ -65,33 +70,31 @@ def read_run(scenario: Scenario, files: RunFiles) -> RunData:
         both = {"plant": plant, "controller": controller}
         happenings = read_happenings(both)
         first_m = scenario.controller.tdc_ref_m or 0.0
+        truth = read_truth(plant, first_m, set_points(controller))
         return RunData(
             scenario,
-            read_truth(plant, first_m, set_points(controller)),
+            truth,
             {
                 "plant": read_timing(plant),
                 "controller": read_timing(controller, sample_driven=True),
             },
             happenings,
             instants(scenario, happenings),
-            _electric_energy_j(plant, scenario.loop.period_ns),
-            _last_mode(scenario, happenings),
+            read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
+            _last_mode(scenario, happenings, controller),
         )
 
 
-def _electric_energy_j(plant: Log, period_ns: int) -> float:
-    """Sum of power times tick: what the machine delivered, less what motoring took."""
-    total = sum(float(block["electric_power_w"].sum()) for block in plant.blocks("/sensor"))
-    return total * period_ns * 1e-9
-
-
-def _last_mode(scenario: Scenario, happenings: Happenings) -> str:
+def _last_mode(scenario: Scenario, happenings: Happenings, log: Log) -> str:
     """Return the operating mode at the end, from the controller's reports of its changes."""
-    mode = "generating" if scenario.controller.running else "off"
+    mode = initial_mode(scenario.controller)
+    if log.continues and (first := next(log.records("/snapshot"), None)) is not None:
+        mode = snapshot.loads(LoopMemory, first.state).state.mode
+    last = mode.name.lower()
     for line in happenings.lines:
         if line.source == "controller" and line.code.startswith("mode "):
-            mode = line.code.removeprefix("mode ")
-    return mode
+            last = line.code.removeprefix("mode ")
+    return last
 
 
 def figures(data: RunData, wall_s: float | None) -> Figures:
@@ -103,8 +106,9 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     return {
         **_motion(data),
         **_after_main_event(data),
-        "electric_energy_j": data.electric_energy_j,
-        "electric_power_mean_w": _ratio(data.electric_energy_j, simulated_s),
+        "electric_energy_j": data.electric.energy_j,
+        "electric_power_mean_w": data.electric.power_w,
+        "terminal_power_mean_w": data.electric.terminal_w,
         "misfires": data.happenings.counts.get("misfire", 0),
         "contacts": data.truth.contacts,
         "last_speed_m_s": data.truth.last_speed_m_s,
@@ -126,11 +130,11 @@ def _motion(data: RunData) -> Figures:
     count = len(strokes.t_ns)
     tdc_mm = strokes.tdc_m * 1e3
     fuel_mg = strokes.fuel_kg * 1e6
-    every = data.truth.strokes
+    every, length = data.truth.strokes, len(data.scenario.controller.timing.fires)
     return {
-        "strokes": count,
-        "frequency_mean_hz": frequency_hz(every),
-        "frequency_final_hz": frequency_hz(every.part(slice(-_FINAL_STROKES, None))),
+        "strokes": len(every.t_ns),
+        "frequency_mean_hz": frequency_hz(whole_cycles(every, length)),
+        "frequency_final_hz": frequency_hz(whole_cycles(every, length, _FINAL_STROKES)),
         "tdc_mean_mm": float(tdc_mm.mean()) if count else None,
         "tdc_sigma_mm": float(tdc_mm.std(ddof=1)) if count > 1 else None,
         "tdc_min_mm": float(tdc_mm.min()) if count else None,

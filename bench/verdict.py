@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from bench.figures import RunData
 from bench.strokes import peak_error_m, settling_ns
+from controller.state import initial_mode
 from hil.config.scenario import Expectation
 from hil.errors import BlockedError
 
@@ -128,8 +129,11 @@ def _peak(data: RunData, expectation: Expectation, begin_ns: int) -> Judged:
 
 
 def _mode(data: RunData, expectation: Expectation, _: int) -> Judged:
-    text = f"ends in mode {expectation.mode}: {data.mode}"
-    return data.mode, data.mode == expectation.mode, text
+    wanted = str(expectation.mode)
+    if wanted == "running":
+        wanted = initial_mode(data.scenario.controller.model_copy(update={"running": True})).name
+    wanted = wanted.lower()
+    return data.mode, data.mode == wanted, f"ends in mode {wanted}: {data.mode}"
 
 
 def _at_rest(data: RunData, expectation: Expectation, _: int) -> Judged:

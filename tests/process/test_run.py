@@ -81,6 +81,14 @@ def test_a_refused_event_is_exit_4_and_told_with_its_bound(tmp_path, event, told
     assert summary_of(tmp_path / "out")["verdict"] == "blocked"
 
 
+def test_the_final_mode_is_known_of_a_log_that_has_lost_its_beginning(tmp_path):
+    text = 'plant.prototype = "nu"\n[events.stop]\nkind = "stop"\nat_s = 0.1\n[expect.e]\n'
+    options = ["--set", "run.duration_s=6.0", "--log-segment", "1s", "--log-retain", "256KiB"]
+    done = made_run(tmp_path, text + 'mode = "off"\n', *options)
+    assert not (tmp_path / "out" / "controller.0001.mcap").exists()
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_an_impossible_begin_is_exit_2_and_leaves_nothing(tmp_path):
     done = run("steady", "--controller", "open-loop", "--set", "controller.preset.fuel_kg=5e-6",
                "--out", str(tmp_path / "out"))  # fmt: skip

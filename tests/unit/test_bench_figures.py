@@ -50,6 +50,25 @@ def test_frequency_mean_and_sigma_are_those_of_the_strokes(response):
     assert found["fuel_total_mg"] == pytest.approx(2.8 * len(RESPONSE))
 
 
+def test_frequency_is_that_of_whole_cycles(tmp_path):
+    """Strokes of 10, 20, 30 and 40 ms in turn: two periods in 100 ms."""
+    t_ns = np.cumsum([0, *([10_000_000, 20_000_000, 30_000_000, 40_000_000] * 9)])
+    centres = [Centre(int(t), 0.0155 * (-1) ** (n + 1)) for n, t in enumerate(t_ns)]
+    fires = [True, False, False, True]
+    scenario, files = make_run(tmp_path, Made(centres), controller__timing__fires=fires)
+    found = figures(read_run(scenario, files), None)
+    assert found["frequency_mean_hz"] == pytest.approx(20.0)
+    assert found["frequency_final_hz"] == pytest.approx(20.0)
+    assert found["strokes"] == len(centres) - 1
+
+
+def test_skipped_ticks_take_no_power_off_the_mean(tmp_path):
+    made = Made(alternating(RESPONSE), missed=frozenset(range(500, 600)))
+    found = figures(read_run(*make_run(tmp_path, made)), None)
+    assert found["electric_power_mean_w"] == pytest.approx(100.0)
+    assert found["electric_energy_j"] == pytest.approx(100.0)
+
+
 def test_energy_is_power_times_time(response):
     found = figures(response, 0.5)
     assert found["electric_energy_j"] == pytest.approx(100.0 * 1.0)
