@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.strokes import Floats, Strokes, whole_cycles
+from bench.judge.strokes import Floats, Strokes, whole_cycles
 from hil.config.scenario import Scenario
 from hil.log import Log, Span
 

@@ -2,13 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from bench import outdir
-from bench.commands import overrides
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import find, packaged, read
+from bench.run import directory as outdir
+from bench.run.commands import overrides
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import find, packaged, read
+from hil.config.prototypes import BIT
 from hil.errors import ConfigError
-from hil.prototypes import BIT
 
 PUBLIC = {
     "steady", "load-decrease", "load-increase", "variations", "misfire", "misfire-unloaded",
