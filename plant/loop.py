@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hil import snapshot, topics
-from hil.codec import Decoder, Encoder
-from hil.e2e import MAX_DELTA
+from hil import snapshot
 from hil.errors import ConfigError
 from hil.exchange import await_batch
-from hil.messages import (
+from hil.log import topics
+from hil.log.records import together
+from hil.pacing import Pacer, Slot
+from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.fields import most_of
+from hil.wire.messages import (
     FIRING_MODES,
     PULSE_CLOCK_US,
     SLOW_SIGNALS,
@@ -23,10 +28,6 @@ from hil.messages import (
     PlantTick,
     Pulse,
 )
-from hil.pacing import Pacer, Slot
-from hil.ports import CommandSource, Link, Recorder, StatusSink
-from hil.records import together
-from hil.signals import most_of
 from plant import events as codes
 from plant import faults
 from plant.actuation import PulseOrder

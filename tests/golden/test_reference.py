@@ -4,9 +4,9 @@ from typing import get_args
 
 import pytest
 
-from bench import reference
-from bench.golden_cases import CASES, Case, scenario_for
-from bench.reference import Run
+from bench.dev import reference
+from bench.dev.golden_cases import CASES, Case, scenario_for
+from bench.dev.reference import Run
 from controller.laws import LAWS
 from hil.config.plant import FAULT_KINDS, OwnModel, PlantConfig
 from hil.config.process import LinkName
