@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.electric import Electric, read_electric
+from bench.judge.electric import Electric, read_electric
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
     QUANTILES,
@@ -15,14 +15,13 @@ from bench.judge.punctuality import (
     answered_share,
     read_timing,
 )
+from bench.judge.response import BAND_MM, response, settled_after_s
 from bench.judge.strokes import (
     Strokes,
     Truth,
     frequency_hz,
-    peak_error_m,
     read_truth,
     set_points,
-    settling_ns,
     whole_cycles,
 )
 from bench.run.directory import RunFiles
@@ -32,9 +31,6 @@ from hil import log as logs
 from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.log import Log
-
-BAND_M = 0.1e-3
-"""Width of the band about the set point in which the engine counts as settled (thesis 6.3)."""
 
 _FINAL_STROKES = 10
 
@@ -174,12 +170,11 @@ def _is_operators(scenario: Scenario, name: str) -> bool:
 
 def after(strokes: Strokes, event_ns: int) -> Figures:
     """Peak TDC error and settling time from an instant on."""
-    peak = peak_error_m(strokes, event_ns)
-    settling = settling_ns(strokes, event_ns, BAND_M)
+    found = response(strokes, event_ns)
     return {
-        "tdc_error_peak_mm": None if peak is None else peak * 1e3,
-        "settling_s": None if settling is None else settling * 1e-9,
-        "settling_band_mm": BAND_M * 1e3,
+        "tdc_error_peak_mm": found.peak_mm if found.errors_mm else None,
+        "settling_s": settled_after_s(found),
+        "settling_band_mm": BAND_MM,
     }
 
 

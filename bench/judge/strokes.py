@@ -100,29 +100,6 @@ def set_points(log: Log) -> tuple[Ints, Floats]:
     return rows["t_ns"][new].astype(np.int64), ref[new].astype(np.float64)
 
 
-def settling_ns(strokes: Strokes, event_ns: int, band_m: float) -> int | None:
-    """Time from an event to the first dead centre after the last one outside the band.
-
-    Zero when none lies outside; None when the last one does, or there is none at all.
-    """
-    after = strokes.since(event_ns)
-    if not len(after.t_ns):
-        return None
-    outside = np.flatnonzero(np.abs(after.error_m) > band_m)
-    if not len(outside):
-        return 0
-    first_inside = int(outside[-1]) + 1
-    if first_inside == len(after.t_ns):
-        return None
-    return int(after.t_ns[first_inside]) - event_ns
-
-
-def peak_error_m(strokes: Strokes, event_ns: float) -> float | None:
-    """Largest distance of a dead centre from its set point, from an instant on."""
-    error = np.abs(strokes.since(event_ns).error_m)
-    return float(error.max()) if len(error) else None
-
-
 def whole_cycles(strokes: Strokes, length: int, least: int | None = None) -> Strokes:
     """Return the dead centres that begin and end the last whole cycles; one less than two of none.
 

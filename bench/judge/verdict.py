@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from bench.judge.figures import RunData
-from bench.judge.strokes import peak_error_m, settling_ns
+from bench.judge.response import response, settled_after_s
 from controller.state import initial_mode
 from hil.config.scenario import Expectation
 from hil.errors import BlockedError
@@ -106,26 +106,25 @@ def _since(expectation: Expectation) -> str:
 def _within(data: RunData, expectation: Expectation, begin_ns: int) -> Judged:
     """Settled by then: the first dead centre after the last one outside comes no later."""
     limit_mm = expectation.within_mm or 0.0
-    settling = settling_ns(data.strokes, begin_ns, limit_mm * 1e-3)
+    settled_s = settled_after_s(response(data.strokes, begin_ns), limit_mm)
     wanted = f"TDC within ±{limit_mm:g} mm{_since(expectation)}"
-    if settling is None:
+    if settled_s is None:
         return None, False, f"{wanted}: not reached"
-    settled_s = settling * 1e-9
     met = settled_s <= expectation.after_s
     judged = data.strokes.since(begin_ns + expectation.after_s * 1e9)
     if met and not len(judged.t_ns):
         return None, False, f"{wanted}: the run ends before"
-    told = "it was never left" if settling == 0 else f"settled after {settled_s * 1e3:.1f} ms"
+    told = "it was never left" if settled_s == 0.0 else f"settled after {settled_s * 1e3:.1f} ms"
     return settled_s, met, f"{wanted}: {told}"
 
 
 def _peak(data: RunData, expectation: Expectation, begin_ns: int) -> Judged:
     limit_mm = expectation.peak_mm or 0.0
-    peak = peak_error_m(data.strokes, begin_ns + expectation.after_s * 1e9)
+    found = response(data.strokes, begin_ns + round(expectation.after_s * 1e9))
     wanted = f"TDC error at most {limit_mm:g} mm{_since(expectation)}"
-    if peak is None:
+    if not found.errors_mm:
         return None, False, f"{wanted}: no dead centre"
-    return peak * 1e3, peak * 1e3 <= limit_mm, f"{wanted}: {peak * 1e3:.3f} mm"
+    return found.peak_mm, found.peak_mm <= limit_mm, f"{wanted}: {found.peak_mm:.3f} mm"
 
 
 def _mode(data: RunData, expectation: Expectation, _: int) -> Judged:

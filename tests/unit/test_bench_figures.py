@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from bench.judge.figures import event_figures, figures, read_run
 from bench.judge.punctuality import Histogram
-from bench.judge.strokes import Strokes, set_point_at, settling_ns
+from bench.judge.response import BAND_MM, settled_after_s
+from bench.judge.response import response as response_of
+from bench.judge.strokes import Strokes, set_point_at
 from bench.judge.summary import summarise, summarise_fault, write
 from bench.judge.verdict import judge
 
@@ -206,11 +208,13 @@ def strokes_of(errors_mm):
 @given(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=30))
 def test_after_settling_every_dead_centre_is_inside(errors_mm):
     strokes = strokes_of(errors_mm)
-    settled = settling_ns(strokes, 0, 0.1e-3)
-    if settled is None:
-        assert abs(strokes.error_m[-1]) > 0.1e-3
+    found = response_of(strokes, 0)
+    settled_s = settled_after_s(found)
+    if settled_s is None:
+        assert abs(found.errors_mm[-1]) > BAND_MM
     else:
-        assert (np.abs(strokes.since(settled).error_m) <= 0.1e-3).all()
+        later = zip(found.times_s, found.errors_mm, strict=True)
+        assert all(abs(error) <= BAND_MM for t, error in later if t >= settled_s)
 
 
 def test_set_points_hold_from_their_change_on():
