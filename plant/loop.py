@@ -325,12 +325,12 @@ class PlantLoop:
 
     def _tell(self, slot: Slot) -> None:
         """Publish how the plant is."""
-        state = self.state
+        state, dead_centre = self.state, self.state.dead_centre
         self._status.publish(
             {
                 "tick": slot.tick,
                 "t_s": slot.scheduled_ns * 1e-9,
-                "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
+                "tdc_mm": abs(dead_centre.x_m) * 1e3 if dead_centre.number else None,
                 "late_us": (slot.woke_ns - slot.scheduled_ns) // 1000,
                 "late_max_us": self._late_max_ns // 1000,
                 "missed": self.missed,

@@ -9,10 +9,9 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import hil
+from hil import compiled
 from hil.errors import MissingExtraError
 from hil.wire.codec import Decoder, Encoder, iter_frames
 from hil.wire.messages import (
@@ -110,7 +109,7 @@ def cantools_cost() -> Cost:
         import cantools
     except ImportError:
         raise MissingExtraError("cantools", "desk", "the comparison") from None
-    database: Any = cantools.database.load_file(Path(hil.__file__).parent / "fpeg.dbc")
+    database: Any = cantools.database.load_file(compiled.root() / "hil/wire/fpeg.dbc")
     ticks = [tick_messages(tick, fresh=True) for tick in range(_TICKS)]
     work = [
         (database.get_message_by_name(type(message).__name__), _fields(message))

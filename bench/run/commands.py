@@ -66,12 +66,12 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     if options.report and find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
     scenario = scenarios.read(name, changes)
-    resolve(scenario)  # before anything is made on the disk
+    resolved = resolve(scenario)  # before anything is made on the disk
     if options.can_log is not None:
         can_log.check_name(options.can_log)
     files = outdir.prepare(scenario.name, options.out, force=options.force)
     console = Console(highlight=False)
-    with view_for(scenario, console) as view:
+    with view_for(resolved, console) as view:
         resolved, ended = execute(scenario, files, view)
     if isinstance(ended.error, ConfigError):
         raise ended.error

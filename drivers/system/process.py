@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from drivers.recorder.client import NullRecorder, Recorder, Rotation
+from hil import compiled
 from hil.config.load import describe, load
 from hil.config.process import LogConfig
 from hil.config.scenario import Scenario
@@ -27,7 +28,7 @@ from hil.ports import Link, Noticing
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
-_DBC = Path(__file__).resolve().parent.parent / "hil" / "fpeg.dbc"
+_DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
 
 
 class Arguments(NamedTuple):

@@ -117,7 +117,7 @@ BIT = Prototype(
     tdc_ref_m=0.030,
     position_limit_m=0.0345,
     fuel_min_kg=0.2e-6,
-    fuel_max_kg=6.0e-6,
+    fuel_max_kg=6.1e-6,  # wide open throttle, 6.023 mg by eq. 5.28, on the injector's grid
 )
 
 GAS_SPRING = NU.model_copy(

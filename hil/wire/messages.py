@@ -1,7 +1,7 @@
 """Every message on the wire, declared once.
 
-The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc), and the table in docs/messages.md all follow
-from this module; `python -m bench.dev.generate --check` fails when one of them has drifted.
+The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc) and the table in docs/messages.md
+all follow from this module; `python -m bench.dev.generate --check` fails when one has drifted.
 A tick carries at most six frames in both directions together (docs/messages.md, bus load).
 """
 

@@ -17,7 +17,7 @@ from plant.actuation import Actuation, Injector
 from plant.combustion import SIDES, Stroke, efficiency
 from plant.detailed import layout as at
 from plant.detailed.engine import Engine, Motion, at_rest, begin, engine_of
-from plant.detailed.machine import machine_force
+from plant.detailed.kernel import electric_power
 from plant.detailed.settle import calibration_of, settle
 from plant.detailed.solver import advance, scratch
 from plant.detailed.types import Array, GasState
@@ -31,6 +31,8 @@ _RECORD_ROWS = 8
 _SECOND_NS = 1e9
 _FIRST_STROKE_S = 0.02
 _WARM_NS = 1e3
+_RATES = 7
+"""Row of the scratch space that rates are written to."""
 
 
 def build(config: PlantConfig) -> DetailedPlant:
@@ -208,17 +210,6 @@ class DetailedPlant:
         volume = p[b + at.AREA] * (p[b + at.LENGTH] + p[b + at.SIGN] * y[at.X])
         return float((p[at.GAMMA] - 1.0) * y[at.U + at.GAS_STRIDE * side] / volume)
 
-    def _power(self, y: Array, d: Array) -> float:
-        """Tell what the machine delivers: a dq machine at its terminals, any other on the mover."""
-        v = float(y[at.V])
-        if self.engine.p[at.MACHINE] == at.LOAD_CONSTANT:
-            return float((d[at.LOAD] * d[at.LOAD_SCALE] * v - d[at.FORCE]) * v)
-        rates = self._work[7]
-        machine_force(self.engine.p, d, y, rates, 0.0)
-        if self.engine.p[at.MACHINE] == at.DQ:
-            return -float(rates[at.W_TERMINAL])
-        return float(rates[at.W_GENERATED] - rates[at.W_MOTORED])
-
     def _finish(self, s: PlantState, y: Array, d: Array) -> PlantState:
         """Put the arrays back into the state, with what the sensors are to see."""
         v = float(y[at.V])
@@ -227,7 +218,7 @@ class DetailedPlant:
             d=d.tobytes(),
             p_left_pa=self._pressure(y, 0),
             p_right_pa=self._pressure(y, 1),
-            electric_power_w=self._power(y, d),
+            electric_power_w=electric_power(self.engine.p, d, y, self._work[_RATES]),
         )
         direction = int(d[at.DIRECTION])
         stroke = s.stroke

@@ -264,7 +264,7 @@ class Request:
     def set_values(self, values): self.note("low")
     def release(self): self.note("released")
 gpiod.request_lines = Request
-from drivers.gpio_process import main
+from drivers.gpio.process import main
 sys.exit(main())
 """
 
