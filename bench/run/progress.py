@@ -50,10 +50,11 @@ class Newest:
 
     def figures(self) -> list[tuple[str, str]]:
         """Return the live figures as (name, text); what is not known yet is left out."""
-        tdc, ref = self.get("plant", "tdc_mm"), self.get("controller", "tdc_ref_mm")
+        tdc, ref = self.get("controller", "tdc_mm"), self.get("controller", "tdc_ref_mm")
+        tdc = self.get("plant", "tdc_mm") if tdc is None else tdc
         found: list[tuple[str, str]] = []
         if tdc is not None:
-            error = f" ({tdc - ref:+.3f})" if ref is not None and tdc else ""
+            error = f" ({tdc - ref:+.3f})" if ref is not None else ""
             found.append(("TDC", f"{tdc:6.3f} mm{error}"))
         if (fuel := self.get("controller", "fuel_mg")) is not None:
             found.append(("fuel", f"{fuel:.3f} mg"))

@@ -58,6 +58,8 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
         tree["supervisory"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
     if given.limits.tdc_m is None:
         tree["limits"]["tdc_m"] = prototype.position_limit_m
+    if "fuel_max_kg" not in given.limits.model_fields_set:
+        tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
     engine = engine_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:

@@ -11,7 +11,7 @@ from bench.judge.response import Response
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
-from bench.studies.bound import Bound, Informed, step_bound
+from bench.studies.bound import Informed, step_bound
 from hil.config.base import read_toml
 from hil.config.controller import ControllerName
 from hil.config.load import build, parse_assignment, with_override
@@ -51,7 +51,7 @@ class Comparison(NamedTuple):
     loads: tuple[float, ...]
     laws: tuple[str, ...]
     cells: dict[tuple[str, float, str], Cell]
-    bounds: dict[tuple[float, str, str], Bound]
+    bounds: dict[tuple[float, str, str], Response]
 
 
 def run(
@@ -166,7 +166,7 @@ def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) 
     return Cell(law, load, moment, response, fuels, ", ".join(faults))
 
 
-def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, str], Bound]:
+def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, str], Response]:
     """The bound with full and with mid-stroke knowledge, for the models that have one."""
     find = _bound_of(base)
     found = {}
@@ -181,7 +181,7 @@ def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, st
     return found
 
 
-def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Bound] | None:
+def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
     """The function from load, moment in the stroke and knowledge to the bound of an engine."""
     plant, controller = base.plant, base.controller
     ref_m = controller.tdc_ref_m or 0.0
@@ -201,7 +201,7 @@ def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Bound] | Non
     )
 
 
-def excess(cell: Cell, bound: Bound | None) -> float:
+def excess(cell: Cell, bound: Response | None) -> float:
     """How far a peak is above the bound, as a share; nan without one."""
     if bound is None or not cell.response.errors_mm:
         return math.nan

@@ -15,6 +15,7 @@ from types import FrameType, MappingProxyType
 from typing import Any, NamedTuple
 
 from drivers.recorder.client import NullRecorder, Recorder, Rotation
+from hil import compiled
 from hil.config.process import LogConfig
 from hil.config.resolved import Resolved, read_resolved
 from hil.errors import HilError
@@ -24,7 +25,7 @@ from hil.ports import Link, Noticing
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
-_DBC = Path(__file__).resolve().parent.parent / "hil" / "fpeg.dbc"
+_DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
 
 
 class Arguments(NamedTuple):

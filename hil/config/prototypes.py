@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from hil import compiled
 from hil.config.base import Section, read_toml
 from hil.config.check import check
 from hil.config.ranges import (
@@ -31,7 +32,7 @@ from hil.config.ranges import (
     TemperatureK,
 )
 
-ENGINES = Path(__file__).with_name("engines")
+ENGINES = compiled.root() / "hil" / "engines"
 """A directory an engine: its own figures, and a file for each model of its gas in full."""
 
 _FIGURES = "engine.toml"

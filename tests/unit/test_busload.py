@@ -44,7 +44,7 @@ def done(tmp_path_factory):
 
 def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
     """cantools, which nobody here wrote, against the MCAP log."""
-    database = cantools.database.load_file(hil.__path__[0] + "/fpeg.dbc")
+    database = cantools.database.load_file(hil.__path__[0] + "/wire/fpeg.dbc")
     with can.LogReader(done.directory / "frames.log") as reader:
         decoded = [
             (database.get_message_by_frame_id(m.arbitration_id).name,

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
+from hil import compiled
 from hil.config.base import Section, read_toml
 from hil.config.controller import ControllerName
 from hil.config.load import build, with_override
@@ -20,7 +21,7 @@ from hil.config.prototypes import PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-PACKAGED = Path(__file__).with_name("campaigns")
+PACKAGED = compiled.root() / "bench" / "campaigns"
 
 Tree = dict[str, Any]
 Scalar = bool | int | float | str
