@@ -10,6 +10,7 @@ from bench.dev.reference import Run
 from controller.laws import LAWS
 from hil.config.plant import FAULT_KINDS, OwnModel
 from hil.config.process import LinkName
+from hil.config.prototypes import PROTOTYPES
 
 SHORT = Case("short", "steady", (("run.duration_s", 0.12),))
 OTHER = Case("short", "steady", (*SHORT.changes, ("plant.injector.flow_scale_left", 1.01)))
