@@ -14,9 +14,9 @@ import controller.step
 import plant.main
 from controller import state as control
 from controller.actuator import MAX_PULSES
-from hil.config.scenario import Scenario
-from hil.wire.messages import PULSE_CLOCK_US, PistonSample
-from plant.actuation import PulseOrder
+from hil.config.resolved import Resolved
+from hil.wire.messages import PistonSample
+from hil.wire.pulses import PulseOrder, wrap_us
 from plant.events import Event
 from plant.initial import initial_state
 from plant.machine import MachineOrder
@@ -33,7 +33,7 @@ class Course(NamedTuple):
     mode: str
 
 
-def simulate(scenario: Scenario) -> Course:
+def simulate(scenario: Resolved) -> Course:
     """Run a resolved scenario in lockstep."""
     params = plant.main.make_params(scenario)
     settled = scenario.begins == "settled"
@@ -67,7 +67,7 @@ def _command_of(output: control.Output) -> Command:
     """What the plant would decode of an answer."""
     machine = MachineOrder(*output.machine)
     pulses = tuple(
-        PulseOrder(p.channel, p.open_ns // 1000 % PULSE_CLOCK_US, p.duration_ns // 1000)
+        PulseOrder(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000)
         for p in output.pulses[:MAX_PULSES]
     )
     return Command(machine, pulses, output.may_fire)

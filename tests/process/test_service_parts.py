@@ -239,7 +239,8 @@ def test_the_log_is_finished_after_a_kill(tmp_path: Path) -> None:
     ready.wait(10.0)
     log = tmp_path / "log.mcap"
     program = (
-        "import os, pathlib, sys; from drivers.recorder.client import Recorder; from hil import topics\n"
+        "import os, pathlib, sys; from hil.log import topics\n"
+        "from drivers.recorder.client import Recorder\n"
         "r = Recorder.open(pathlib.Path(sys.argv[1]), {}, blocking=True)\n"
         "r.put(topics.EVENT.pack(0, 0, topics.INFO, 'code', 'text')); os.kill(os.getpid(), 9)"
     )

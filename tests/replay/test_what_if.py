@@ -123,7 +123,7 @@ def test_the_command_draws_both_and_prints_both(run_directory, tmp_path, capsys)
 
 
 PORTS = {"_link", "_pacer", "_put", "_status", "_commands", "_schedule", "_initial_events"}
-TOLD_ONLY = {"_late_max_ns"}  # goes into the status and nowhere else
+TOLD_ONLY = {"_late_max_ns", "_finished"}  # goes into the status and nowhere else
 CODEC = {"_encoder", "decoder"}
 CONSTANT = {"params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap"}
 

@@ -12,7 +12,7 @@ from hil.config.load import build
 from hil.config.plant import PlantConfig
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from plant.actuation import PulseOrder
+from hil.wire.pulses import PulseOrder
 from plant.detailed import layout as at
 from plant.events import CONTACT, MISFIRE, PULSE_REFUSED
 from plant.initial import initial_state

@@ -26,7 +26,7 @@ from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
-from plant.actuation import PulseOrder
+from hil.wire.pulses import PulseOrder
 from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
 from plant.fmu.archive import open_archive
 from plant.fmu.contract import ALL
