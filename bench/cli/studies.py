@@ -7,10 +7,7 @@ from typing import Annotated
 
 import typer
 
-Assignments = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),
-]
+from bench.cli.options import Assignments
 
 
 def compare(
@@ -26,7 +23,7 @@ def compare(
     assignments: Assignments = None,
 ) -> None:
     """Run several laws on the same load steps, and draw them beside the physical bound."""
-    from bench.studies import compare as work
+    from bench.studies import compare_command as work
 
     raise typer.Exit(work.run(scenario, controllers, model, out, assignments or []))
 

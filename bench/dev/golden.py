@@ -38,7 +38,7 @@ def check(directory: Path) -> int:
 
     Raises: LogError when there is none
     """
-    from bench.logs.replay.text import show
+    from bench.logs.replay.outcome_table import show
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
     paths = sorted(directory.glob("*/*.mcap"))

@@ -102,7 +102,8 @@ def step_object() -> bytes:
             carray(work, work_shape), told, t_end, stop != 0,
         )  # fmt: skip
 
-    text = unit._library.get_llvm_str().replace(unit.native_name, SYMBOL)
+    compiled = unit._library  # noqa: SLF001  # numba has no public way to the code
+    text = compiled.get_llvm_str().replace(unit.native_name, SYMBOL)
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=_CPU[platform.machine()], features="", opt=2, reloc="pic", codemodel="default"
     )

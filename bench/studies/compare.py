@@ -1,10 +1,9 @@
-"""`hil compare`: several laws on the same load steps at four moments, beside the physical bound."""
+"""Several laws on the same load steps at four moments, beside the physical bound."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from bench.judge.response import Response
@@ -14,7 +13,7 @@ from bench.run.resolve import resolve
 from bench.studies.bound import Informed, step_bound
 from hil.config.base import read_toml
 from hil.config.controller import ControllerName
-from hil.config.load import build, parse_assignment, with_override
+from hil.config.load import build, with_override
 from hil.config.plant import LoadScaleEvent
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
@@ -52,32 +51,6 @@ class Comparison(NamedTuple):
     laws: tuple[str, ...]
     cells: dict[tuple[str, float, str], Cell]
     bounds: dict[tuple[float, str, str], Response]
-
-
-def run(
-    name: str, controllers: str, model: str | None, out: Path | None, assignments: list[str]
-) -> int:
-    """Compare, print the table, write it with the pictures; returns the exit code.
-
-    Raises: ConfigError
-    """
-    from rich.console import Console
-
-    from bench.studies.compare_page import table, write_page
-
-    changes = [parse_assignment(text) for text in assignments]
-    if model is not None:
-        changes.append(("plant.model", model))
-    found = compare(name, laws_of(controllers), changes)
-    text = table(found)
-    directory = out or Path("runs") / f"compare-{found.scenario.name}"
-    directory.mkdir(parents=True, exist_ok=True)
-    (directory / "table.md").write_text(text, encoding="utf-8")
-    console = Console(highlight=False)
-    console.print(text, markup=False, soft_wrap=True)
-    write_page(found, directory / "compare.html")
-    console.print(f"{directory / 'compare.html'}", markup=False)
-    return 0
 
 
 def laws_of(text: str) -> tuple[str, ...]:

@@ -57,7 +57,7 @@ def test_can_and_zenoh_give_the_same_frames_in_lockstep(tmp_path, environment):
 
 def wait_for_nodes(environment, count):
     code = (
-        "import time\nfrom drivers.can.virtual.segment import channels\n"
+        "import time\nfrom drivers.can.virtual.directory import channels\n"
         "end = time.monotonic() + 20\n"
         f"while channels().get('can0', 0) < {count} and time.monotonic() < end: time.sleep(0.05)"
     )

@@ -12,10 +12,12 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from bench.logs.replay.differences import Difference, Records, differences_of
+from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
+from bench.logs.replay.outcome import Found, Gap, Outcome
+from bench.logs.replay.rig import replay_rig
 from bench.logs.replay.turns import Turn, check_layouts, turns
 from hil import log as logs
 from hil.config.check import check_json
@@ -26,40 +28,6 @@ from hil.log.part import ALWAYS
 
 WINDOW_S = 0.15
 """How much about the first difference is kept, to show the strokes around it."""
-
-
-class Gap(NamedTuple):
-    """Ticks that are not in the log, and where the replay went on, -1 when it could not."""
-
-    first_tick: int
-    next_tick: int
-
-
-class Found(NamedTuple):
-    """The first turn that differs, and what was recorded and replayed around it."""
-
-    tick: int
-    differences: tuple[Difference, ...]
-    around: tuple[tuple[bytes, bytes], ...]
-
-
-class Outcome(NamedTuple):
-    """What a replay came to."""
-
-    process: str
-    first_tick: int
-    ticks: int
-    different: int
-    found: Found | None
-    gaps: tuple[Gap, ...]
-    notes: tuple[str, ...]
-    simulated_s: float
-    cpu_s: float
-
-    @property
-    def identical(self) -> bool:
-        """Whether every turn that could be replayed put what was put then."""
-        return self.found is None
 
 
 def scenario_of(log: Log, config: Path | None = None) -> Resolved:
@@ -261,8 +229,6 @@ def replay_file(path: Path, config: Path | None, span: Span) -> Outcome:
         scenario = scenario_of(log, config)
         try:
             if "/frames/received" not in log.topics:
-                from bench.logs.replay.rig import replay_rig
-
                 return replay_rig(log, scenario, span)
             return replay(log, scenario, span)
         except LogError:

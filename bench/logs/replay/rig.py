@@ -12,7 +12,7 @@ from typing import Any
 
 from bench.logs.replay.differences import Difference, same
 from bench.logs.replay.loops import ReplayedController
-from bench.logs.replay.replay import Found, Outcome
+from bench.logs.replay.outcome import Found, Outcome
 from bench.logs.replay.turns import Turn
 from hil.config.resolved import Resolved
 from hil.log import Log, Span, topics

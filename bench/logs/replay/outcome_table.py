@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.logs.replay.differences import Difference, Records
-from bench.logs.replay.replay import Found, Outcome
+from bench.logs.replay.outcome import Found, Outcome
 from bench.report.quantities import thousands
 from hil.log import Log, topics
 
