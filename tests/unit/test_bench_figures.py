@@ -7,6 +7,7 @@ from bench_logs import Centre, Made, alternating, make_run
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.judge.figure_table import FIGURES
 from bench.judge.figures import event_figures, figures, read_run
 from bench.judge.punctuality import Histogram
 from bench.judge.response import BAND_MM, settled_after_s
@@ -135,6 +136,13 @@ def test_the_last_mode_change_is_the_final_mode(tmp_path):
     data = read_run(scenario, files)
     assert data.mode == "safe"
     assert [c.met for c in judge(data)] == [True, False, True]
+
+
+def test_every_figure_is_declared_and_every_declared_one_is_computed(response):
+    told = summarise(
+        response, {"processes": {"plant": {"loop_s": 2.0, "cpu_s": 1.0, "recorder_cpu_s": 0.5}}}
+    )
+    assert sorted(told["figures"]) == sorted(figure.name for figure in FIGURES)
 
 
 def test_a_run_without_a_stroke_has_figures_too(tmp_path):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.dev.generate import FRAME_BITS_MAX, frames_per_tick
+from bench.dev.messages_page import FRAME_BITS_MAX, frames_per_tick
 from controller.actuator import MAX_PULSES
 from controller.start_restart import Mode
 from hil.wire import messages
