@@ -2,13 +2,10 @@
 
 import ast
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+from source_tree import MODULES, PACKAGES, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("hil", "plant", "controller", "drivers", "bench")
 MODULES_MAX, LINES_MAX, FUNCTION_MAX, FUNCTION_P90_MAX = 16, 300, 40, 20
 BANNED = {
     "aftermath", "children", "closing", "happenings", "mend", "settled", "ticks", "watch", "text",
@@ -29,37 +26,11 @@ CYCLES = {
 }
 
 
-class Module(NamedTuple):
-    """A source file of ours, parsed."""
-
-    name: str
-    path: Path
-    tree: ast.Module
-
-    @property
-    def file(self) -> str:
-        """Its path in the repository."""
-        return self.path.relative_to(ROOT).as_posix()
-
-
-def _module(path: Path) -> Module:
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-    return Module(name, path, ast.parse(path.read_text(encoding="utf-8")))
-
-
-MODULES = {
-    module.name: module
-    for package in PACKAGES
-    for module in map(_module, sorted((ROOT / package).rglob("*.py")))
-}
-
-
 def _is_private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__")
 
 
-def _imports(module: Module) -> list[tuple[int, str, str, str]]:
+def _imports(module) -> list[tuple[int, str, str, str]]:
     """Line, module, name there and name here of all imports, those in functions too."""
     found = []
     for node in ast.walk(module.tree):
@@ -72,14 +43,14 @@ def _imports(module: Module) -> list[tuple[int, str, str, str]]:
     return found
 
 
-def _imported(module: Module) -> set[str]:
+def _imported(module) -> set[str]:
     """Modules of ours that one imports, by the most exact name."""
     names = {f"{source}.{name}" if f"{source}.{name}" in MODULES else source
              for _, source, name, _ in _imports(module)}  # fmt: skip
     return names & MODULES.keys() - {module.name}
 
 
-def _private_uses(module: Module) -> list[str]:
+def _private_uses(module) -> list[str]:
     found, here = [], set()
     for line, source, name, alias in _imports(module):
         ours = source.partition(".")[0] in PACKAGES
