@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from typing import Any
 
-from bench.run.processes import Status
 from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
 from hil.config.resolved import Resolved
+
+Status = Mapping[str, Any]
 
 
 @asynccontextmanager
