@@ -10,9 +10,9 @@ import itertools
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple, Protocol
 
-import controller.main
+import controller.build
 import plant.main
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from drivers.can_link import CanLink, Times
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
@@ -199,8 +199,8 @@ class Rig:
         self.plant = plant.main.make_loop(
             scenario, _connection(self.links["plant"]), self.tally, pacer
         )
-        self.controller = controller.main.make_loop(
-            scenario, _connection(self.links["controller"]), pacer, NullRecorder()
+        self.controller = controller.build.make_loop(
+            scenario, _connection(self.links["controller"]), NullRecorder(), pacer
         )
         self.without_sample: list[int] = []
         self.without_answer: list[int] = []

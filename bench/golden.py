@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
-import controller.main
+import controller.build
 import plant.main
 from bench import scenarios
 from bench.diff import Comparison, compare
@@ -103,9 +103,7 @@ def record(scenario: Scenario, out: Path) -> None:
             stack.callback(recorders[name].close)
         plant_end, controller_end = open_memory()
         loop = plant.main.make_loop(scenario, plant_end, recorders["plant"])
-        mind = controller.main.make_loop(
-            scenario, controller_end, controller.main.make_pacer(scenario), recorders["controller"]
-        )
+        mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
         tick, ticks = 0, plant.main.ticks_of(scenario)

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import controller.main
+import controller.build
 import controller.step
 import plant.main
-from controller import state as control
 from controller.actuator import MAX_PULSES
+from controller.state import Inputs, Output
 from hil.config.scenario import Scenario
 from hil.messages import PULSE_CLOCK_US, PistonSample
 from plant.actuation import PulseOrder
@@ -42,11 +42,11 @@ def simulate(scenario: Scenario) -> Course:
         scenario.controller.preset.fuel_kg if settled else None,
         scenario.controller.supervisory.load_coefficient_n_s_m,
     )
-    law = control.make_params(
+    law = controller.build.make_params(
         scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
     )
-    mind = control.initial_state(law)
-    schedule = controller.main.schedule_of(scenario)
+    mind = controller.build.initial_state(law)
+    schedule = controller.build.schedule_of(scenario)
     course = Course([], list(events), "")
     command: Command = Command()
     for tick in range(plant.main.ticks_of(scenario)):
@@ -57,15 +57,15 @@ def simulate(scenario: Scenario) -> Course:
         course.events.extend(events)
         if state.dead_centre.number != before:
             course.dead_centres.append(state.dead_centre)
-        inputs = control.Inputs(tick, sensed, schedule.get(tick), power_w)
+        inputs = Inputs(tick, sensed, schedule.get(tick), power_w)
         mind, output = controller.step.step(law, mind, inputs)
         command = _command_of(output)
     return course._replace(mode=mind.mode.name.lower())
 
 
-def _command_of(output: control.Output) -> Command:
+def _command_of(output: Output) -> Command:
     """What the plant would decode of an answer."""
-    machine = MachineOrder(*output.machine)
+    machine = MachineOrder(output.machine.mode, output.machine.force_n, output.machine.load_n_s_m)
     pulses = tuple(
         PulseOrder(p.channel, p.open_ns // 1000 % PULSE_CLOCK_US, p.duration_ns // 1000)
         for p in output.pulses[:MAX_PULSES]

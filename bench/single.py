@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import controller.main
+import controller.build
 import plant.main
+from controller.follow import facts
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
+from drivers.clock import SystemClock
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.process import Stop, guarded, last_words, open_recorder, read_scenario
@@ -37,9 +39,8 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
     )
     try:
         plant_loop = plant.main.make_loop(scenario, plant_end, recorders[0])
-        controller_loop = controller.main.make_loop(
-            scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
-        )
+        pacer = controller.build.make_pacer(scenario, SystemClock(scenario.realtime.spin_s))
+        controller_loop = controller.build.make_loop(scenario, controller_end, recorders[1], pacer)
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
         for name, end in (("plant", plant_end), ("controller", controller_end)):
@@ -58,7 +59,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
     last_words(
         {
             "plant": plant.main.facts(plant_loop, plant_end, tick),
-            "controller": controller.main.facts(controller_loop, controller_end),
+            "controller": facts(controller_loop, controller_end.link),
             "granted": granted,
             "loop_s": loop_s,
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from rich.console import Console
 
-import controller.main
+import controller.build
 import plant.main
 from bench import scenarios
 from bench.latency import machine
@@ -32,8 +32,8 @@ _PLANT_PARTS: Final = {
     "_tell": "plant: status",
 }
 _CONTROLLER_PARTS: Final = {
-    "_understand": "controller: decoding the sample",
-    "_advance": "controller: layers",
+    "_take": "controller: decoding the sample",
+    "_step": "controller: layers",
     "_command": "controller: looking for commands",
     "_record": "controller: packing records",
     "_tell": "controller: status",
@@ -124,8 +124,7 @@ def measure(ticks: int, watch: Stopwatch) -> float:
             for side in ("plant", "controller")
         ]
         plant_loop = plant.main.make_loop(scenario, ends[0], logs[0])
-        pacer = controller.main.make_pacer(scenario)
-        answering = controller.main.make_loop(scenario, ends[1], pacer, logs[1])
+        answering = controller.build.make_loop(scenario, ends[1], logs[1])
         prepare(scenario.realtime)
         try:
             tick, whole_us = _untimed(plant_loop, answering, ends, ticks)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import controller.main
+import controller.build
 import plant.main
 from bench.outdir import RunFiles
 from bench.replay import make, process_of, scenario_of
@@ -262,6 +262,6 @@ def _controller(
 ) -> ControllerLoop:
     scenario = wanted.scenario
     pacer = LockstepPacer(scenario.loop.period_ns, round(scenario.loop.peer_timeout_s * 1e9))
-    loop = controller.main.make_loop(scenario, end, pacer, recorder)
+    loop = controller.build.make_loop(scenario, end, recorder, pacer)
     loop.recall(resumed.controller.loop.remember())
     return loop

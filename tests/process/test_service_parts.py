@@ -18,7 +18,7 @@ import pytest
 
 import hil.log
 from controller.duty import RESUME_TRIES, DutyCommands, Resumption
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from drivers.channels import MemoryCommands
 from drivers.keepsake import SIZE, Keepsake
 from drivers.recorder import Recorder, wait_finished

@@ -9,7 +9,7 @@ from bench import scenarios
 from bench.bus_fuzz import THEORY, fuzz, mutated_frames, random_frames
 from bench.bus_rig import Clock, RigPacer
 from bench.resolve import resolve
-from controller.main import make_loop as make_controller
+from controller.build import make_loop as make_controller
 from drivers.can_assembly import Assembler
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
@@ -56,7 +56,7 @@ def loops():
 
     links = Link(), Link()
     plant = make_plant(scenario, connection(links[0]), NullRecorder(), pacer)
-    controller = make_controller(scenario, connection(links[1]), pacer, NullRecorder())
+    controller = make_controller(scenario, connection(links[1]), NullRecorder(), pacer)
     return plant, controller, *links
 
 

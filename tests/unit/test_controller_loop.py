@@ -4,10 +4,10 @@ import math
 
 import pytest
 
+from controller.build import initial_state, make_params
 from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
-from controller.start_restart import Mode
-from controller.state import initial_state, make_params
+from controller.mode.start_restart import Mode
 from hil import topics
 from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
@@ -80,8 +80,8 @@ class Bench:
         self.status, self.commands = Status(), Commands()
         self.encoder, self.decoder = Encoder(), Decoder("controller")
         self.loop = ControllerLoop(
-            params, initial_state(params), link=self.link, pacer=self.pacer, recorder=self.log,
-            status=self.status, commands=self.commands, schedule=schedule or {}, status_every=100,
+            params, initial_state(params), ports=self, pacer=self.pacer, recorder=self.log,
+            schedule=schedule or {}, status_every=100,
             peer_timeout_s=1.0,
         )  # fmt: skip
 
@@ -185,7 +185,7 @@ def test_batch_with_a_broken_head_counts_as_an_invalid_sample():
     bench.turn(2)
     assert [tick for tick, _ in bench.answers()] == [0, 1, 2]
     assert bench.log.of("/sensor")[1]["status"] == topics.SAMPLE_INVALID
-    assert bench.loop.decoder.counts().corrupted == 1
+    assert bench.loop.reception.decoder.counts().corrupted == 1
 
 
 def test_batch_with_a_broken_sample_keeps_its_tick():
@@ -264,7 +264,7 @@ def test_sender_that_repeats_itself_is_a_lost_one():
     for _ in range(14):
         bench.loop.turn(batch)
     assert bench.loop.state.mode is Mode.SAFE
-    assert bench.loop.decoder.counts().repeated >= 20
+    assert bench.loop.reception.decoder.counts().repeated >= 20
 
 
 def test_refused_command_is_logged_with_its_origin_and_changes_nothing():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.resolve import resolve
-from controller.estimate import Motion
-from controller.ignition import predict
+from controller.observe.estimate import Motion
+from controller.timing.position import predict
 from hil.config.load import build
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError

@@ -9,8 +9,8 @@ from bench.bound import step_bound
 from bench.offline import simulate
 from bench.resolve import resolve
 from bench.scenarios import find
-from controller.laws import LAWS
-from controller.trimming import refusal
+from controller.motion.choice import refusal
+from controller.motion.laws import LAWS
 from hil.config.load import build, read_toml, with_override
 from hil.errors import ConfigError
 from hil.prototypes import NU

@@ -3,7 +3,7 @@
 import pytest
 
 from controller.actuator import MAX_PULSES
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from hil import messages
 from hil.generate import FRAME_BITS_MAX, frames_per_tick
 from hil.signals import LAYOUTS

@@ -2,7 +2,7 @@
 
 import pytest
 
-import controller.main
+import controller.build
 import plant.main
 from bench.offline import simulate
 from bench.resolve import resolve
@@ -21,8 +21,7 @@ def over_the_wire(resolved):
     """Dead centres of both loops over a memory link."""
     plant_end, controller_end = open_memory()
     plant_loop = plant.main.make_loop(resolved, plant_end, NullRecorder())
-    pacer = controller.main.make_pacer(resolved)
-    controller_loop = controller.main.make_loop(resolved, controller_end, pacer, NullRecorder())
+    controller_loop = controller.build.make_loop(resolved, controller_end, NullRecorder())
     plant_end.link.on_send = lambda: controller_loop.turn(controller_end.link.receive())
     found: list[DeadCentre] = []
     tick = 0
