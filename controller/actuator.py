@@ -6,17 +6,17 @@ from typing import Final, final
 
 from controller.mode.start_restart import Mode
 from controller.timing.plan import PlannedPulse
-from hil.messages import (
+from hil.values import Value
+from hil.wire.messages import (
     GENERATOR,
     MOTOR,
     OFF,
-    PULSE_CLOCK_US,
     ControllerTick,
     MachineCommand,
     Message,
     Pulse,
 )
-from hil.values import Value
+from hil.wire.pulses import wrap_us
 
 MAX_PULSES: Final = 2
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
@@ -88,7 +88,6 @@ def messages(
     if not pulses:
         return (ControllerTick(tick, 2, int(mode)), command)
     sent = [
-        Pulse(p.channel, p.open_ns // 1000 % PULSE_CLOCK_US, p.duration_ns // 1000)
-        for p in pulses[:MAX_PULSES]
+        Pulse(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000) for p in pulses[:MAX_PULSES]
     ]
     return (ControllerTick(tick, 2 + len(sent), int(mode)), command, *sent)

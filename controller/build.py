@@ -18,13 +18,16 @@ from controller.observe.estimate import Motion
 from controller.state import Params, State
 from controller.timing.plan import NO_PLAN
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import PROTOTYPES
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
-from hil.prototypes import PROTOTYPES
 
 STATUS_HZ: Final = 10
 SNAPSHOT_HZ: Final = 4
+NEVER_NS: Final = 1 << 62
+"""Longer than any run."""
+
 SAMPLE_PATIENCE_PERIODS: Final = 1.5
 """How long a sample may be late before its tick is stepped without it."""
 
@@ -42,10 +45,17 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
         stale_ticks=limits.stale_ticks,
         misfires=limits.misfires,
-        motoring_ns=round(config.start.timeout_s * 1e9),
+        motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER_NS,
     )
     full_load = supervisory.full_load(config, engine)
     return Params(config, engine, period_ns, bounds, full_load, stroke_map)
+
+
+def initial_mode(config: ControllerConfig) -> Mode:
+    """The mode in which a run begins; an engine of which no stroke fires is motored throughout."""
+    if not config.running:
+        return Mode.OFF
+    return Mode.GENERATING if any(config.timing.fires) else Mode.MOTORING
 
 
 def initial_state(params: Params) -> State:
@@ -53,11 +63,10 @@ def initial_state(params: Params) -> State:
     config = params.config
     set_points = supervisory.initial(config, params.engine)
     steady_kg = set_points.point.fuel_kg
-    mode = Mode.GENERATING if config.running else Mode.OFF
     return State(
         motion=Motion(tdc_m=set_points.tdc_ref_m),
         stale=0,
-        operation=Operation(mode, fired_strokes=config.start.open_strokes),
+        operation=Operation(initial_mode(config), fired_strokes=config.start.open_strokes),
         set_points=set_points,
         fuelling=Fuelling(
             config.name, LAWS[config.name].initial, NO_DEMAND, (steady_kg, steady_kg)

@@ -149,5 +149,6 @@ class Duty:
 def describe(loop: ControllerLoop) -> str:
     """How the controller is, in one line."""
     state = loop.state
-    tdc_mm, wanted_mm = state.motion.tdc_m * 1e3, state.set_points.tdc_ref_m * 1e3
-    return f"{state.mode.name.lower()}, tick {loop.tick}, TDC {tdc_mm:.2f} of {wanted_mm:.2f} mm"
+    tdc = f"{state.motion.tdc_m * 1e3:.2f}" if state.motion.stroke else "-"
+    wanted_mm = state.set_points.tdc_ref_m * 1e3
+    return f"{state.mode.name.lower()}, tick {loop.tick}, TDC {tdc} of {wanted_mm:.2f} mm"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import final
 
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 from hil.roots import newton
 from hil.values import Value
 

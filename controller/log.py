@@ -9,8 +9,8 @@ from controller.motion.law import Demand
 from controller.reception import Arrival
 from controller.state import Output, State, StrokeReport
 from controller.timing.plan import PlannedPulse
-from hil import topics
-from hil.records import together
+from hil.log import topics
+from hil.log.records import together
 
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""

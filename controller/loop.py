@@ -11,14 +11,15 @@ from typing import Final, final
 from controller.commands import OperatorCommand, parse
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Inputs, Output, Params, State
+from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.step import step
-from hil import snapshot, topics
-from hil.codec import Encoder
+from hil import snapshot
 from hil.errors import ConfigError
+from hil.log import topics
 from hil.pacing import Pacer
 from hil.ports import Ports, Recorder
 from hil.values import Value
+from hil.wire.codec import Encoder
 
 _COMMAND_EVERY: Final = 10
 _NEVER: Final = 1 << 62
@@ -65,6 +66,7 @@ class ControllerLoop:
         self._status_every = status_every
         self._snapshot_every = snapshot_every or _NEVER
         self._heard = b""  # records of what was heard on the command key
+        self._finished: StrokeReport | None = None  # the last stroke that could fire
 
     def turn(self, batch: bytes | None) -> None:
         """Answer a batch, or the tick that is due when none came in time."""
@@ -163,19 +165,21 @@ class ControllerLoop:
         self._put(packed_note(tick, tick * self.params.period_ns, code, text, batch))
 
     def _tell(self, output: Output) -> None:
-        """Publish how the controller is, now and then."""
+        """Publish how the controller is; what belongs to a stroke, of the last finished one."""
+        if output.stroke is not None:
+            self._finished = output.stroke
         if self.tick % self._status_every:
             return
-        state, reception = self.state, self.reception
+        state, reception, stroke = self.state, self.reception, self._finished
         self._status.publish(
             {
                 "tick": self.tick,
                 "t_s": self.tick * self.params.period_ns * 1e-9,
                 "mode": state.mode.name.lower(),
-                "tdc_mm": state.motion.tdc_m * 1e3,
+                "tdc_mm": None if stroke is None else stroke.tdc_m * 1e3,
                 "tdc_ref_mm": state.set_points.tdc_ref_m * 1e3,
-                "fuel_mg": state.fuelling.demand.fuel_kg * 1e6,
-                "load_n_s_m": state.set_points.load_n_s_m,
+                "fuel_mg": None if stroke is None else stroke.demand.fuel_kg * 1e6,
+                "load_n_s_m": output.machine.load_n_s_m,
                 "stale": state.stale,
                 "late_samples": self.late,
                 "implausible_samples": reception.implausible,
@@ -193,3 +197,4 @@ class ControllerLoop:
         self.tick, self.state, self.late = memory.tick, memory.state, memory.late
         self._encoder.recall(memory.sent)
         self.reception.recall(memory.received)
+        self._finished = None

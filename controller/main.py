@@ -9,11 +9,11 @@ from controller.build import make_loop, make_pacer
 from controller.duty import Duty
 from controller.follow import facts, follow_in_lockstep, follow_in_real_time, raise_if_lost
 from controller.loop import ControllerLoop
-from drivers.clock import SystemClock
-from drivers.effort import Effort
-from drivers.gpio import open_outputs, with_outputs
+from drivers.gpio.link import open_outputs, with_outputs
 from drivers.links import Connection, open_link
-from drivers.process import (
+from drivers.system.clock import SystemClock
+from drivers.system.effort import Effort
+from drivers.system.process import (
     Stop,
     guarded,
     last_words,
@@ -22,10 +22,10 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Service
+from drivers.system.realtime import pin, prepare
+from drivers.system.service import ENDLESS, Service
 from hil import snapshot
 from hil.config.scenario import Scenario
-from hil.realtime import pin, prepare
 
 
 def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:

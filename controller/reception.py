@@ -6,10 +6,10 @@ from typing import Final, final
 
 from controller.observe.estimate import Motion
 from controller.observe.plausibility import CLEAR, Credence, judge
-from hil.codec import Decoder, DecoderMemory
-from hil.e2e import MAX_DELTA
-from hil.messages import PistonSample, PlantTick
 from hil.values import Value
+from hil.wire.codec import Decoder, DecoderMemory
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.messages import PistonSample, PlantTick
 
 _NAN: Final = float("nan")
 _TICK_MODULO: Final = 1 << 32

@@ -16,9 +16,9 @@ from controller.observe.estimate import Motion, Passed
 from controller.supervisory import SetPoints
 from controller.timing.plan import Plan, PlannedPulse
 from hil.config.controller import ControllerConfig
-from hil.messages import Message, PistonSample
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 from hil.values import Value
+from hil.wire.messages import Message, PistonSample
 
 
 @final

@@ -27,8 +27,8 @@ from controller.timing import position
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan
 from controller.timing.spark import plan_spark
-from hil.messages import FIRING_MODES
 from hil.values import replace
+from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
@@ -58,8 +58,8 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     )
     messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
     after = State(seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses)
-    may_fire = mode in FIRING_MODES
-    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, may_fire)
+    fires = may_fire(mode)
+    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, fires)
 
 
 def _operate(

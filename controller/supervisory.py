@@ -9,7 +9,7 @@ from typing import final
 
 from controller.knowledge import OperatingPoint, load_for_power, operating_point
 from hil.config.controller import ControllerConfig
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 from hil.values import Value, replace
 
 

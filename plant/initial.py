@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.errors import ConfigError
-from plant.actuation import PulseTable
+from plant.actuation import Actuation
 from plant.combustion import Stroke
 from plant.disturbances import Disturbances, Held
 from plant.events import Event
@@ -27,7 +27,7 @@ def rest_state(p: PlantParams) -> PlantState:
         path=path_of(p.engine, stroke, 0.0, 0.0, x=0.0, v=0.0, tau=0.0),
         stroke=stroke,
         machine=IDLE,
-        pulses=PulseTable(),
+        pulses=Actuation(),
         disturbances=Disturbances(),
         dead_centre=DeadCentre(0, 0, 0.0, 0.0, 1.0),
         stale=0,

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hil import snapshot, topics
-from hil.codec import Decoder, Encoder
-from hil.e2e import MAX_DELTA
+from hil import snapshot
 from hil.errors import ConfigError
 from hil.exchange import await_batch
-from hil.messages import (
-    FIRING_MODES,
-    PULSE_CLOCK_US,
+from hil.log import topics
+from hil.log.records import together
+from hil.pacing import Pacer, Slot
+from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.wire import pulses as wire
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.fields import most_of
+from hil.wire.messages import (
     SLOW_SIGNALS,
     ControllerTick,
     MachineCommand,
@@ -23,13 +27,9 @@ from hil.messages import (
     PlantTick,
     Pulse,
 )
-from hil.pacing import Pacer, Slot
-from hil.ports import CommandSource, Link, Recorder, StatusSink
-from hil.records import together
-from hil.signals import most_of
+from hil.wire.pulses import PulseOrder
 from plant import events as codes
 from plant import faults
-from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.machine import MachineOrder
 from plant.memory import LoopMemory, Measured, Ordered
@@ -222,7 +222,7 @@ class PlantLoop:
         for batch in arrived[1:]:
             next_head, next_machine, newer = _read(self.decoder.decode(batch))
             head, machine = next_head or head, next_machine or machine
-            pulses = _superseded(pulses, newer)
+            pulses = wire.superseded(pulses, newer)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
@@ -325,12 +325,12 @@ class PlantLoop:
 
     def _tell(self, slot: Slot) -> None:
         """Publish how the plant is."""
-        state = self.state
+        state, dead_centre = self.state, self.state.dead_centre
         self._status.publish(
             {
                 "tick": slot.tick,
                 "t_s": slot.scheduled_ns * 1e-9,
-                "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
+                "tdc_mm": abs(dead_centre.x_m) * 1e3 if dead_centre.number else None,
                 "late_us": (slot.woke_ns - slot.scheduled_ns) // 1000,
                 "late_max_us": self._late_max_ns // 1000,
                 "missed": self.missed,
@@ -350,11 +350,8 @@ def _within(value: float, most: float) -> float:
 
 
 def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
-    """(channel, opening, duration) on the run's clock [ns], nearest to now (2^20 us a turn)."""
-    now_us = now_ns // 1000
-    half = PULSE_CLOCK_US // 2
-    ahead_us = (pulse.open_us - now_us + half) % PULSE_CLOCK_US - half
-    return pulse.channel, (now_us + ahead_us) * 1000, pulse.duration_us * 1000
+    """(channel, opening, duration) of an order on the run's clock [ns]."""
+    return pulse.channel, wire.unwrap_ns(pulse.open_us, now_ns), pulse.duration_us * 1000
 
 
 def _read(
@@ -376,14 +373,7 @@ def _read(
 def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -> Command:
     """What the frames of one answer order, in the plant's own terms."""
     order = None if machine is None else MachineOrder(*machine[:3])
-    orders = tuple([PulseOrder(*pulse) for pulse in pulses])
-    return Command(order, orders, mode in FIRING_MODES)
-
-
-def _superseded(older: list[Pulse], newer: list[Pulse]) -> list[Pulse]:
-    """Of two answers in one tick the newer one counts, channel by channel."""
-    channels = [pulse.channel for pulse in newer]
-    return [pulse for pulse in older if pulse.channel not in channels] + newer if older else newer
+    return Command(order, wire.orders_of(pulses), wire.may_fire(mode))
 
 
 def _packed_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import SystemClock
-from drivers.effort import Effort
 from drivers.links import Connection, open_link
-from drivers.process import (
+from drivers.system.clock import SystemClock
+from drivers.system.effort import Effort
+from drivers.system.process import (
     Stop,
     guarded,
     last_words,
@@ -18,13 +18,13 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Heart, Service
+from drivers.system.realtime import pin, prepare
+from drivers.system.service import ENDLESS, Heart, Service
 from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
-from hil.realtime import pin, prepare
 from plant.initial import initial_state
 from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params

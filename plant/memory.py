@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.codec import DecoderMemory
+from hil.wire.codec import DecoderMemory
 from plant.sensors import Sample
 from plant.state import PlantState
 

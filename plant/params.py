@@ -7,8 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 from hil.config.plant import DETAILED_MODELS, PlantConfig, PlantEvent, SensorConfig
+from hil.config.prototypes import Prototype
 from hil.errors import ConfigError
-from hil.prototypes import Prototype
 from plant.disturbances import Edge, compile_edges
 from plant.nonlinear import CONTACT_GAP_M
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from plant.actuation import PulseOrder, PulseTable
+from hil.wire.pulses import PulseOrder
+from plant.actuation import Actuation
 from plant.combustion import Stroke
 from plant.detailed.types import GasState
 from plant.disturbances import Disturbances
@@ -47,7 +48,7 @@ class PlantState(NamedTuple):
     path: Path
     stroke: Stroke
     machine: Machine
-    pulses: PulseTable
+    pulses: Actuation
     disturbances: Disturbances
     dead_centre: DeadCentre
     stale: int

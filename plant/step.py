@@ -39,7 +39,7 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
         s = repath(p, s, s.tick * p.period_ns, events)
     end_ns = (s.tick + 1) * p.period_ns
     tau = s.tau_s + p.dt_s
-    if tau < s.disturbances.due_s and s.pulses.next_edge_ns > end_ns:
+    if tau < s.disturbances.due_s and s.pulses.table.next_edge_ns > end_ns:
         plain = _plain_tick(p, s, tau)
         if plain is not None:
             return plain, tuple(events)

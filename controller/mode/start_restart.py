@@ -14,7 +14,7 @@ from hil.values import Value
 
 
 class Mode(IntEnum):
-    """Operating mode; the numbers are those on the wire (`hil.messages.OPERATING_MODES`)."""
+    """Operating mode; the numbers are those on the wire (`hil.wire.messages.OPERATING_MODES`)."""
 
     OFF = 0
     MOTORING = 1

@@ -7,7 +7,7 @@ from typing import Final
 
 from controller.knowledge import OperatingPoint
 from controller.motion.stroke_map import StrokeMap
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 from hil.values import replace
 
 _CALIBRATED: Final = 1e-7

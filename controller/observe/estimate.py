@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import Final, final
 
-from hil.messages import PistonSample
 from hil.roots import newton
 from hil.values import Value, replace
+from hil.wire.messages import PistonSample
 
 AMPLITUDE_MIN_M = 0.5e-3
 """A reversal nearer to mid-stroke than this is no dead centre that could be fired."""

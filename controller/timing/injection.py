@@ -5,7 +5,7 @@ from __future__ import annotations
 from controller.observe.estimate import Motion
 from controller.timing.plan import US, Plan, PlannedPulse, whole_us
 from hil.config.controller import ControllerConfig
-from hil.messages import INJECTOR_LEFT
+from hil.wire.messages import INJECTOR_LEFT
 
 
 def plan_injection(

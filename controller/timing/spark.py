@@ -9,7 +9,7 @@ from typing import Final
 from controller.observe.estimate import Motion, seconds_to_dead_centre
 from controller.timing.plan import US, Plan, PlannedPulse, whole_us
 from hil.config.controller import ControllerConfig
-from hil.messages import SPARK_LEFT
+from hil.wire.messages import SPARK_LEFT
 
 FAR_NS: Final = 4_000_000
 FAR_EVERY: Final = 4

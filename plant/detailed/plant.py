@@ -9,12 +9,15 @@ import numpy as np
 
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
+from hil.values import replace
+from hil.wire.messages import CHANNELS, VALVES
+from hil.wire.pulses import lines_for
 from plant import actuation, disturbances, orders
-from plant.actuation import Injector, Line, PulseTable
+from plant.actuation import Actuation, Injector
 from plant.combustion import SIDES, Stroke, efficiency
 from plant.detailed import layout as at
 from plant.detailed.engine import Engine, Motion, at_rest, begin, engine_of
-from plant.detailed.machine import machine_force
+from plant.detailed.kernel import electric_power
 from plant.detailed.settle import calibration_of, settle
 from plant.detailed.solver import advance, scratch
 from plant.detailed.types import Array, GasState
@@ -28,6 +31,8 @@ _RECORD_ROWS = 8
 _SECOND_NS = 1e9
 _FIRST_STROKE_S = 0.02
 _WARM_NS = 1e3
+_RATES = 7
+"""Row of the scratch space that rates are written to."""
 
 
 def build(config: PlantConfig) -> DetailedPlant:
@@ -54,8 +59,7 @@ class DetailedPlant:
     ) -> PlantState:
         """Begin at rest when `fuel_kg` is None, else at the left dead centre of settled running."""
         if not self.engine.calibration.breathing.ports:
-            lines = (Line(),) * actuation.CHANNELS_WITH_VALVES
-            rest = rest._replace(pulses=PulseTable(lines=lines))
+            rest = rest._replace(pulses=Actuation(lines_for(len(CHANNELS))))
         if fuel_kg is None:
             y, d, _ = at_rest(self.engine)
             gas = GasState(b"", b"", 0.0, 1.0, _FIRST_STROKE_S, 0.0, 0.0, 0.0)
@@ -97,13 +101,13 @@ class DetailedPlant:
             self._impose(s, d)
             _set_valves(s.pulses, d)
             due_ns = s.stroke.start_ns + s.disturbances.due_s * _SECOND_NS
-            until_ns = min(float(end_ns), float(s.pulses.next_edge_ns), due_ns)
+            until_ns = min(float(end_ns), float(s.pulses.table.next_edge_ns), due_ns)
             if self._move(y, d, until_ns):
                 s = self._dead_centre(p, s, y, d, held, events)
                 continue
-            if until_ns >= s.pulses.next_edge_ns:
+            if until_ns >= s.pulses.table.next_edge_ns:
                 before = s.pulses
-                pulses = actuation.advance(before, injector, before.next_edge_ns)
+                pulses = actuation.advance(before, injector, before.table.next_edge_ns)
                 s = s._replace(pulses=pulses)
                 for side in (0, 1):
                     if pulses.spark_ns[side] > before.spark_ns[side]:
@@ -177,8 +181,7 @@ class DetailedPlant:
         s = s._replace(disturbances=dis)
         reason = f"forced, no {cause}" if cause else self._objection(p, s, y, side, fuel)
         pulses = actuation.scavenge(s.pulses, injector, side, t_ns)
-        pulses = pulses._replace(spark_ns=s.pulses.spark_ns)
-        s = s._replace(pulses=pulses)
+        s = s._replace(pulses=replace(pulses, spark_ns=s.pulses.spark_ns))
         if reason:
             events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
             return s
@@ -207,17 +210,6 @@ class DetailedPlant:
         volume = p[b + at.AREA] * (p[b + at.LENGTH] + p[b + at.SIGN] * y[at.X])
         return float((p[at.GAMMA] - 1.0) * y[at.U + at.GAS_STRIDE * side] / volume)
 
-    def _power(self, y: Array, d: Array) -> float:
-        """Tell what the machine delivers: a dq machine at its terminals, any other on the mover."""
-        v = float(y[at.V])
-        if self.engine.p[at.MACHINE] == at.LOAD_CONSTANT:
-            return float((d[at.LOAD] * d[at.LOAD_SCALE] * v - d[at.FORCE]) * v)
-        rates = self._work[7]
-        machine_force(self.engine.p, d, y, rates, 0.0)
-        if self.engine.p[at.MACHINE] == at.DQ:
-            return -float(rates[at.W_TERMINAL])
-        return float(rates[at.W_GENERATED] - rates[at.W_MOTORED])
-
     def _finish(self, s: PlantState, y: Array, d: Array) -> PlantState:
         """Put the arrays back into the state, with what the sensors are to see."""
         v = float(y[at.V])
@@ -226,7 +218,7 @@ class DetailedPlant:
             d=d.tobytes(),
             p_left_pa=self._pressure(y, 0),
             p_right_pa=self._pressure(y, 1),
-            electric_power_w=self._power(y, d),
+            electric_power_w=electric_power(self.engine.p, d, y, self._work[_RATES]),
         )
         direction = int(d[at.DIRECTION])
         stroke = s.stroke
@@ -238,12 +230,12 @@ class DetailedPlant:
         )  # fmt: skip
 
 
-def _set_valves(pulses: PulseTable, d: Array) -> None:
+def _set_valves(pulses: Actuation, d: Array) -> None:
     """Let each valve follow its TTL line from the line's first pulse on, and no longer the piston.
 
     A step profile: open while the line is high (thesis section 3.3.3).
     """
-    for number, line in enumerate(pulses.lines[actuation.VALVES :]):
+    for number, line in enumerate(pulses.table.lines[VALVES[0] :]):
         if line.open is None and line.last is None:
             continue
         side, valve = divmod(number, 2)

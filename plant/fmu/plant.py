@@ -149,7 +149,7 @@ class FmuPlant:
                 stroke_s = self._undisturbed_s(p, here, until_ns, reached.t_ns) or stroke_s
             every = self._config.fmu.like != "four-stroke"
             s = within.dead_centre(p, s, reached, stroke_s, events, every=every)
-        if s.pulses.next_edge_ns <= until_ns:
+        if s.pulses.table.next_edge_ns <= until_ns:
             s = s._replace(pulses=actuation.advance(s.pulses, injector, until_ns))
         x, v = now["x_m"], now["v_m_s"]
         if not math.isfinite(x + v):

@@ -45,7 +45,7 @@ def inputs(p: PlantParams, s: PlantState, injector: Injector, until_ns: int) -> 
     """
     dis = _preview(p, s.disturbances, until_ns)
     ahead = s.pulses
-    if ahead.next_edge_ns <= until_ns:
+    if ahead.table.next_edge_ns <= until_ns:
         ahead = actuation.advance(ahead, injector, until_ns)
     eta = efficiency(p, dis.efficiency, s.dead_centre.number + 1)
     fuels, sparks = [], []

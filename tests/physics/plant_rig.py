@@ -1,7 +1,7 @@
 """A plant with a perfect controller: right fuel, spark 1 ms before each dead centre."""
 
 from hil.config.plant import InjectorConfig, PlantConfig
-from plant.actuation import PulseOrder
+from hil.wire.pulses import PulseOrder
 from plant.initial import initial_state
 from plant.models import remaining_s
 from plant.params import plant_params

@@ -6,7 +6,7 @@ import pytest
 from plant_rig import Rig, make
 
 from hil.config.plant import EfficiencyEvent, LoadScaleEvent, MisfireEvent
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 from plant.limit_cycle import fuel_for_tdc
 from plant.params import engine_of
 

@@ -13,10 +13,10 @@ from controller.motion.pi import pi_step
 from controller.observe.estimate import Motion, update
 from controller.state import Inputs
 from controller.step import step
-from hil.codec import Encoder
 from hil.config.controller import ControllerConfig, Gains
-from hil.messages import FIRING_MODES, PistonSample
 from hil.values import fields_of, replace
+from hil.wire.codec import Encoder
+from hil.wire.messages import FIRING_MODES, PistonSample
 
 MS = 1_000_000
 # How long an example takes says something of the machine, not of the controller.

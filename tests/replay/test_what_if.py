@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import hil.log
-from bench.diff import compare
-from bench.log_commands import what_if as what_if_command
-from bench.replay import replay_file
-from bench.what_if import Wish, continue_run, tick_of
+from bench.logs.commands import what_if as what_if_command
+from bench.logs.diff import compare
+from bench.logs.replay.replay import replay_file
+from bench.logs.what_if.continuation import Wish, continue_run, tick_of
 from controller.loop import ControllerLoop
 from hil.errors import ConfigError, LogError
 from hil.log import Span
@@ -123,7 +123,7 @@ def test_the_command_draws_both_and_prints_both(run_directory, tmp_path, capsys)
 
 
 PORTS = {"_link", "_pacer", "_put", "_status", "_commands", "_schedule", "_initial_events"}
-TOLD_ONLY = {"_late_max_ns"}  # goes into the status and nowhere else
+TOLD_ONLY = {"_late_max_ns", "_finished"}  # goes into the status and nowhere else
 CODEC = {"_encoder", "decoder"}
 PARTS = {"reception"}  # which remember by themselves
 CONSTANT = {

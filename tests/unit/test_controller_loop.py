@@ -8,11 +8,11 @@ from controller.build import initial_state, make_params
 from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
-from hil import topics
-from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
-from hil.messages import PistonSample, PlantTick
-from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.log import topics
+from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import PistonSample, PlantTick
 
 MS = 1_000_000
 NAN = math.nan
@@ -313,3 +313,29 @@ def test_status_is_told_now_and_then():
     bench.turn(*range(201))
     assert [status["tick"] for status in bench.status] == [0, 100, 200]
     assert bench.status[0]["mode"] == "generating"
+
+
+def stroked(bench, ticks, period=50):
+    """Let the piston oscillate with 15.5 mm, two strokes in `period` ticks."""
+    for tick in range(ticks):
+        phase = 2.0 * math.pi * tick / period
+        x_m, v_m_s = -0.0155 * math.cos(phase), 0.0155 * 2e3 * math.pi / period * math.sin(phase)
+        bench.loop.turn(bench.batch(tick, x_m, v_m_s))
+
+
+def test_status_has_the_fuel_of_the_last_finished_stroke_at_every_instant():
+    bench = Bench()
+    bench.loop._status_every = 1
+    stroked(bench, 400)
+    fuels = [status["fuel_mg"] for status in bench.status]
+    assert fuels[0] is None
+    burnt = [s["fuel_kg"] * 1e6 for s in bench.log.of("/stroke")][1:]
+    assert min(burnt) > 1.0
+    assert set(fuels[100:]) <= set(burnt)
+
+
+def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
+    bench = Bench(running=False)
+    bench.turn(0)
+    (status,) = bench.status
+    assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)

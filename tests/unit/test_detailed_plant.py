@@ -5,14 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.resolve import resolve
+from bench.run.resolve import resolve
 from controller.observe.estimate import Motion
 from controller.timing.position import predict
 from hil.config.load import build
 from hil.config.plant import PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
-from plant.actuation import PulseOrder
+from hil.wire.pulses import PulseOrder
 from plant.detailed import layout as at
 from plant.events import CONTACT, MISFIRE, PULSE_REFUSED
 from plant.initial import initial_state

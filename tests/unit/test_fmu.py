@@ -17,16 +17,16 @@ from fmu_units import FOREIGN_NAMES, MODELS, changed, foreign, ours, renamed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.fmu_check import check
-from bench.fmu_export import export
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.fmu.check import check
+from bench.fmu.export import export
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
-from plant.actuation import PulseOrder
+from hil.wire.pulses import PulseOrder
 from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
 from plant.fmu.archive import open_archive
 from plant.fmu.contract import ALL

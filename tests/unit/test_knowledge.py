@@ -5,7 +5,7 @@ import math
 import pytest
 
 from controller.knowledge import load_for_power, motoring_force, operating_point
-from hil.prototypes import BIT, NU
+from hil.config.prototypes import BIT, NU
 from plant.limit_cycle import harmonic_cycle
 from plant.params import engine_of
 

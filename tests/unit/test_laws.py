@@ -10,7 +10,7 @@ from controller.motion.laws import LAWS
 from controller.motion.pi import pi_step
 from controller.observe.estimate import MID_STROKE, Motion
 from hil.config.controller import ControllerConfig, Gains, OpenLoopConfig
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 
 POINT = operating_point(NU, 0.0155, 810.0)
 

@@ -8,8 +8,8 @@ from controller import safety
 from controller.actuator import Machine
 from controller.motion.law import Demand
 from hil.config.controller import LimitsConfig
-from hil.messages import GENERATOR, MOTOR
 from hil.values import replace
+from hil.wire.messages import GENERATOR, MOTOR
 
 LIMITS = LimitsConfig(force_n=4000.0)
 

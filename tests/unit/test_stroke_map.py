@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.bound import LoadChange, stroke_end
+from bench.studies.bound import LoadChange, stroke_end
 from controller.knowledge import OperatingPoint
 from controller.motion.calibration import calibrate
-from hil.prototypes import BIT, NU
+from hil.config.prototypes import BIT, NU
 from plant.limit_cycle import fuel_for_tdc, limit_cycle
 from plant.params import engine_of
 

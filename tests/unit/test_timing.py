@@ -5,16 +5,16 @@ import math
 import pytest
 
 import controller.step as control
-from bench.offline import simulate
-from bench.resolve import resolve
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from controller.observe.estimate import Motion
 from controller.timing.injection import plan_injection
 from controller.timing.plan import Plan, PlannedPulse
 from controller.timing.spark import plan_spark
 from hil.config.controller import ControllerConfig, InjectorKnowledge
 from hil.config.load import build
-from hil.messages import SPARK_LEFT
 from hil.values import replace
+from hil.wire.messages import SPARK_LEFT
 
 MS = 1_000_000
 CONFIG = ControllerConfig()
