@@ -19,7 +19,8 @@ from controller.state import Params, State
 from controller.timing.plan import NO_PLAN
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
 
@@ -76,14 +77,14 @@ def initial_state(params: Params) -> State:
     )
 
 
-def patience_ns(scenario: Scenario) -> int:
+def patience_ns(scenario: Resolved) -> int:
     """How long a turn waits for its sample [ns]."""
     if scenario.loop.clock == "realtime":
         return round(SAMPLE_PATIENCE_PERIODS * scenario.loop.period_ns)
     return round(scenario.loop.peer_timeout_s * 1e9)
 
 
-def make_pacer(scenario: Scenario, clock: Clock | None = None) -> Pacer:
+def make_pacer(scenario: Resolved, clock: Clock | None = None) -> Pacer:
     """The plant paces: in real time patience is 1.5 periods, in lockstep the peer time-out."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
@@ -92,7 +93,7 @@ def make_pacer(scenario: Scenario, clock: Clock | None = None) -> Pacer:
     return LockstepPacer(period_ns, patience_ns(scenario))
 
 
-def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
+def schedule_of(scenario: Resolved) -> dict[int, OperatorCommand]:
     """The scenario's own operator commands by tick.
 
     Two in one tick follow each other in the next free one.
@@ -110,7 +111,7 @@ def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
 
 
 def make_loop(
-    scenario: Scenario, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
+    scenario: Resolved, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
 ) -> ControllerLoop:
     """Put parameters, initial state and ports together; in lockstep the pacer is known.
 

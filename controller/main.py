@@ -25,10 +25,10 @@ from drivers.system.process import (
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import ENDLESS, Service
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 
 
-def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the controller to its end; as a service, until it is asked to end.
 
     Raises: RunError when the plant was lost, ConfigError, LinkError
@@ -69,7 +69,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
 
 
 def _follow(
-    scenario: Scenario, loop: ControllerLoop, connection: Connection, patience_ns: int, stop: Stop,
+    scenario: Resolved, loop: ControllerLoop, connection: Connection, patience_ns: int, stop: Stop,
     duty: Duty | None,
 ) -> None:  # fmt: skip
     """Follow the plant to the end of the run; as a service, for as long as it runs."""

@@ -21,7 +21,8 @@ from drivers.system.process import (
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import ENDLESS, Heart, Service
 from hil import snapshot
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
@@ -33,7 +34,7 @@ STATUS_HZ = 10
 SNAPSHOT_HZ = 4
 
 
-def make_params(scenario: Scenario) -> PlantParams:
+def make_params(scenario: Resolved) -> PlantParams:
     """The plant's part of a scenario."""
     events = {
         name: event
@@ -43,7 +44,7 @@ def make_params(scenario: Scenario) -> PlantParams:
     return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
 
 
-def make_pacer(scenario: Scenario) -> Pacer:
+def make_pacer(scenario: Resolved) -> Pacer:
     """Real time: deadlines and the newest answer, if any. Lockstep: the answer must come."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
@@ -52,7 +53,7 @@ def make_pacer(scenario: Scenario) -> Pacer:
 
 
 def make_loop(
-    scenario: Scenario, connection: Connection, recorder: Recorder, pacer: Pacer | None = None
+    scenario: Resolved, connection: Connection, recorder: Recorder, pacer: Pacer | None = None
 ) -> PlantLoop:
     """Put parameters, initial state and ports together.
 
@@ -73,12 +74,12 @@ def make_loop(
     )  # fmt: skip
 
 
-def ticks_of(scenario: Scenario) -> int:
+def ticks_of(scenario: Resolved) -> int:
     """How many ticks the run has."""
     return round(scenario.run.duration_s * scenario.loop.rate_hz)
 
 
-def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the plant to its end; as a service, until it is asked to end.
 
     Raises: RunError when the controller was lost, ConfigError, LinkError
@@ -111,7 +112,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
 
 
 def wait_for_controller(
-    scenario: Scenario, connection: Connection, stop: Stop, service: Service | None
+    scenario: Resolved, connection: Connection, stop: Stop, service: Service | None
 ) -> None:
     """Return when the controller takes part.
 

@@ -25,7 +25,7 @@ from drivers.links import Connection, open_memory
 from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
 from hil.log.part import ALWAYS
 
@@ -69,7 +69,7 @@ def update(directory: Path) -> int:
     return 0
 
 
-def record(scenario: Scenario, out: Path, orders: Iterable[Order] = ()) -> None:
+def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
     """Run a scenario in memory and lockstep, with both logs; both sides hear the orders."""
     with contextlib.ExitStack() as stack:
         recorders = {}

@@ -12,8 +12,9 @@ from typing import Any, Final, NamedTuple
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from hil.config.load import build, read_toml, with_override
-from hil.config.scenario import Scenario
+from hil.config.base import read_toml
+from hil.config.load import build, with_override
+from hil.config.resolved import Resolved
 
 Changes = tuple[tuple[str, Any], ...]
 
@@ -39,7 +40,7 @@ class Case(NamedTuple):
     orders: tuple[Order, ...] = ()
 
 
-def scenario_for(case: Case, changes: Changes = LOCKSTEP) -> Scenario:
+def scenario_for(case: Case, changes: Changes = LOCKSTEP) -> Resolved:
     """Return the whole configuration of a golden run."""
     tree = read_toml(scenarios.find(case.scenario))
     given = reduce(lambda t, change: with_override(t, *change), (*case.changes, *changes), tree)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.build import schedule_of
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
 SEVERITIES = ("info", "warning", "fault")
@@ -68,7 +69,7 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
     return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
 
 
-def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
+def instants(scenario: Resolved, happenings: Happenings) -> tuple[Instant, ...]:
     """Return when each event of the scenario acted, in the scenario's order.
 
     A disturbance begins at the instant that the plant logged; an operator's command is the
@@ -86,7 +87,7 @@ def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
     )
 
 
-def _ordered(scenario: Scenario, happenings: Happenings) -> dict[str, Instant]:
+def _ordered(scenario: Resolved, happenings: Happenings) -> dict[str, Instant]:
     """The operator's commands of a scenario by name, each in the tick that it was planned for."""
     names = [n for n, event in scenario.events.items() if isinstance(event, OperatorEvent)]
     own = {r.t_ns: r.text for r in happenings.refusals if "from scenario" in r.text}

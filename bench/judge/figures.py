@@ -29,7 +29,8 @@ from controller.build import initial_mode
 from controller.loop import LoopMemory
 from hil import log as logs
 from hil import snapshot
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
 _FINAL_STROKES = 10
@@ -40,7 +41,7 @@ Figures = dict[str, Any]
 class RunData(NamedTuple):
     """What is kept of a run's logs."""
 
-    scenario: Scenario
+    scenario: Resolved
     truth: Truth
     timing: dict[str, TickTiming]
     happenings: Happenings
@@ -63,7 +64,7 @@ class RunData(NamedTuple):
         return next((i.t_ns for i in self.instants if i.name == name), None)
 
 
-def read_run(scenario: Scenario, files: RunFiles) -> RunData:
+def read_run(scenario: Resolved, files: RunFiles) -> RunData:
     """Read both logs once.
 
     Raises: LogError when one of them cannot be read
@@ -87,7 +88,7 @@ def read_run(scenario: Scenario, files: RunFiles) -> RunData:
         )
 
 
-def _last_mode(scenario: Scenario, happenings: Happenings, log: Log) -> str:
+def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:
     """Return the operating mode at the end, from the controller's reports of its changes."""
     mode = initial_mode(scenario.controller)
     if log.continues and (first := next(log.records("/snapshot"), None)) is not None:
@@ -164,7 +165,7 @@ def main_instant(data: RunData) -> Instant | None:
     return next(iter(chosen or disturbing or acted), None)
 
 
-def _is_operators(scenario: Scenario, name: str) -> bool:
+def _is_operators(scenario: Resolved, name: str) -> bool:
     return isinstance(scenario.events[name], OperatorEvent)
 
 

@@ -11,7 +11,7 @@ from bench.judge.figures import RunData, event_figures, figures
 from bench.judge.verdict import Verdict, conclude, judge, refusals
 from bench.run.directory import RunFiles
 from drivers.system.process import versions
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import LogError
 
 SCHEMA = 1
@@ -45,7 +45,7 @@ def _effort(run: dict[str, Any]) -> dict[str, float]:
     return {"processor_cores": cores}
 
 
-def summarise_fault(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def summarise_fault(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """Return the summary of a run whose logs cannot be read."""
     empty: Summary = {"expectations": [], "refused": [], "figures": {}, "events": []}
     verdict = _fault(run) or conclude([], [])
@@ -58,7 +58,7 @@ def _fault(run: dict[str, Any]) -> Verdict | None:
     return Verdict("fault", run["exit_code"], error) if error else None
 
 
-def _head(scenario: Scenario, verdict: Verdict) -> Summary:
+def _head(scenario: Resolved, verdict: Verdict) -> Summary:
     """Name, verdict, exit code and its reason."""
     return {
         "schema": SCHEMA,
@@ -70,7 +70,7 @@ def _head(scenario: Scenario, verdict: Verdict) -> Summary:
     }
 
 
-def _tail(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def _tail(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """How it was run, and by which versions."""
     return {
         "run": {

@@ -10,7 +10,7 @@ from bench.report.indicator import Cycle
 from bench.report.page import small_tile, table
 from bench.report.style import svg
 from bench.run.directory import RunFiles
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import MissingExtraError
 
 
@@ -46,7 +46,7 @@ _TABLE: Final = (
 )
 
 
-def section(scenario: Scenario, files: RunFiles) -> str:
+def section(scenario: Resolved, files: RunFiles) -> str:
     """Return the section as HTML, empty for a model without a gas.
 
     Where there is nothing to show it says why.

@@ -18,7 +18,7 @@ from bench.run.directory import RunFiles
 from hil import log as logs
 from hil import snapshot
 from hil.config.plant import DETAILED_MODELS
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.log import Log, Span
 from hil.wire.codec import Decoder
 from hil.wire.messages import ControllerTick
@@ -61,12 +61,12 @@ class Cycle(NamedTuple):
     mean_pressure_pa: float
 
 
-def is_detailed(scenario: Scenario) -> bool:
+def is_detailed(scenario: Resolved) -> bool:
     """Tell whether there is a gas to look into."""
     return scenario.plant.model in DETAILED_MODELS
 
 
-def last_cycle(scenario: Scenario, files: RunFiles) -> tuple[Cycle | None, str]:
+def last_cycle(scenario: Resolved, files: RunFiles) -> tuple[Cycle | None, str]:
     """Run the end of a log again; returns the cycle, or why there is none.
 
     Raises: LogError, MissingExtraError when the compiler of the detailed engine is missing

@@ -14,7 +14,7 @@ import controller.step
 import plant.main
 from controller.actuator import MAX_PULSES
 from controller.state import Inputs, Output
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.wire.messages import PistonSample
 from hil.wire.pulses import PulseOrder, wrap_us
 from plant.events import Event
@@ -33,7 +33,7 @@ class Course(NamedTuple):
     mode: str
 
 
-def simulate(scenario: Scenario) -> Course:
+def simulate(scenario: Resolved) -> Course:
     """Run a resolved scenario in lockstep."""
     params = plant.main.make_params(scenario)
     settled = scenario.begins == "settled"

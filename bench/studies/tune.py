@@ -19,8 +19,10 @@ from bench.judge.response import Response
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
-from hil.config.load import build, read_toml, with_override
-from hil.config.scenario import Scenario
+from hil.config.base import read_toml
+from hil.config.controller import ControllerConfig
+from hil.config.load import build, with_override
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
 MODELS = ("harmonic", "rectangular")
@@ -111,7 +113,7 @@ def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
     return tree
 
 
-def scenario_of(cell: Cell, law: str, gains: Gains) -> Scenario:
+def scenario_of(cell: Cell, law: str, gains: Gains) -> Resolved:
     """The resolved scenario of a cell."""
     return resolve(build(tree_of(cell, law, gains), str(cell)))
 
@@ -167,7 +169,7 @@ def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
     found = {}
     for key in TUNABLE[law].keys:
-        value: Any = getattr(Scenario().controller, TUNABLE[law].section)
+        value: Any = getattr(ControllerConfig(), TUNABLE[law].section)
         for part in key.split("."):
             value = getattr(value, part)
         found[key] = float(value)

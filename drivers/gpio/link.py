@@ -13,7 +13,7 @@ from typing import Any, Final
 from drivers.gpio.process import HEAD
 from drivers.links import Connection
 from drivers.recorder import ring
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, RunError
 from hil.ports import Link
 
@@ -28,7 +28,7 @@ class OutputProcess:
     Raises: RunError when it does not come up, with what it said
     """
 
-    def __init__(self, scenario: Scenario, command: tuple[str, ...] = ()) -> None:
+    def __init__(self, scenario: Resolved, command: tuple[str, ...] = ()) -> None:
         fd = ring.create(RING_BYTES)
         self._ring = ring.Producer(fd)
         told = {
@@ -127,7 +127,7 @@ class OutputLink:
         self._link.close()
 
 
-def open_outputs(scenario: Scenario) -> OutputProcess | None:
+def open_outputs(scenario: Resolved) -> OutputProcess | None:
     """Start the process of the lines where the configuration names a chip.
 
     Raises: ConfigError in lockstep, whose time is nobody's; RunError when it does not come up

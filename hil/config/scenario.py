@@ -78,6 +78,11 @@ class Scenario(Section):
     events: dict[str, Event] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
 
+    @property
+    def ticks(self) -> int:
+        """How many ticks the run has."""
+        return round(self.run.duration_s * self.loop.rate_hz)
+
     @model_validator(mode="after")
     def _bus_carries_the_rate(self) -> Scenario:
         if self.link.kind == "can":

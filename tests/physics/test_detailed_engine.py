@@ -292,6 +292,7 @@ def test_one_machine_is_of_one_kind():
         Machine(
             load_coefficient_n_s_m=810.0,
             peak_force_n=1.0,
+            start_force_n=1.0,
             dq=DQ,
             circuit=Circuit(thrust_n_a=1.0, emf_v_s_m=1.0, inductance_h=1.0),
         )

@@ -4,14 +4,15 @@ import statistics
 
 import pytest
 
-from bench import tune
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
+from bench.studies import tune
 from bench.studies.bound import step_bound
 from controller.motion.choice import refusal
 from controller.motion.laws import LAWS
-from hil.config.load import build, read_toml, with_override
+from hil.config.base import read_toml
+from hil.config.load import build, with_override
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
 from plant.params import engine_of

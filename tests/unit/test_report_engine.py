@@ -16,7 +16,7 @@ from bench.report.indicator import last_cycle
 from bench.report.plots_engine import parts_of, power, pressure_volume, pressure_volume_log
 from bench.run.commands import RunOptions, overrides, run
 from bench.run.directory import RunFiles
-from drivers.system.process import read_scenario
+from hil.config.resolved import read_resolved
 from hil.errors import MissingExtraError
 from hil.wire.messages import MOTOR
 
@@ -26,7 +26,7 @@ def made(directory, model, duration_s, report=False):
     given = [f"run.duration_s={duration_s}"]
     run("steady", overrides(flags, given), RunOptions(directory, report, True))
     files = RunFiles(directory)
-    return read_scenario(files.scenario), files
+    return read_resolved(files.scenario), files
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from bench.logs.replay.turns import Turn
 from controller.loop import ControllerLoop, LoopMemory
 from drivers.links import Connection
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from plant.loop import PlantLoop
 
 
@@ -39,7 +39,7 @@ class Replayed(Protocol):
 class ReplayedController:
     """The controller's own loop on recorded batches."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Resolved) -> None:
         patience_ns = controller.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
@@ -64,7 +64,7 @@ class ReplayedController:
 class ReplayedPlant:
     """The plant's own loop on recorded answers."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Resolved) -> None:
         patience_ns = plant.main.make_pacer(scenario).patience_ns
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
