@@ -10,7 +10,7 @@ from controller.loop import ControllerLoop
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
 from controller.motion.calibration import calibrate
-from controller.motion.choice import chosen
+from controller.motion.choice import check, check_names
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.motion.laws import LAWS
@@ -41,7 +41,7 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     engine, limits = PROTOTYPES[prototype], config.limits
     start = supervisory.initial(config, engine)
     stroke_map = calibrate(engine, start.tdc_ref_m, start.load_n_s_m, start.point)
-    chosen(config.name, stroke_map)
+    check(config.name, stroke_map)
     bounds = Bounds(
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
         stale_ticks=limits.stale_ticks,
@@ -115,8 +115,9 @@ def make_loop(
 ) -> ControllerLoop:
     """Put parameters, initial state and ports together; in lockstep the pacer is known.
 
-    Raises: ConfigError when the law cannot work
+    Raises: ConfigError when there is no such law, or it cannot work
     """
+    check_names(scenario)
     rate_hz = scenario.loop.rate_hz
     params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
     return ControllerLoop(

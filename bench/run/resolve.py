@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.run import engine_defaults, fmu_defaults
+from controller.motion.choice import check_names
 from controller.supervisory import target_load
 from hil.config.check import check
 from hil.config.prototypes import Prototype
@@ -31,6 +32,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     """
     if fmu_defaults.is_unit(scenario):
         return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
+    check_names(scenario)
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(
             f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"

@@ -12,8 +12,9 @@ from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.studies.bound import Informed, step_bound
+from controller.motion.choice import check_name
+from controller.motion.laws import LAWS
 from hil.config.base import read_toml
-from hil.config.controller import ControllerName
 from hil.config.load import build, parse_assignment, with_override
 from hil.config.plant import LoadScaleEvent
 from hil.config.resolved import Resolved
@@ -55,7 +56,7 @@ class Comparison(NamedTuple):
 
 
 def run(
-    name: str, controllers: str, model: str | None, out: Path | None, assignments: list[str]
+    name: str, controllers: str | None, model: str | None, out: Path | None, assignments: list[str]
 ) -> int:
     """Compare, print the table, write it with the pictures; returns the exit code.
 
@@ -80,18 +81,16 @@ def run(
     return 0
 
 
-def laws_of(text: str) -> tuple[str, ...]:
-    """Names separated by commas.
+def laws_of(text: str | None) -> tuple[str, ...]:
+    """Names separated by commas; None for all that control.
 
     Raises: ConfigError for one that is no law
     """
-    known = get_args(ControllerName)
+    if text is None:
+        return tuple(name for name in LAWS if name != NO_CONTROL)
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    for name in names:
-        if name not in known:
-            raise ConfigError(f"--controllers {name!r}: accepted are {', '.join(known)}")
-    if not names:
-        raise ConfigError(f"--controllers: accepted are {', '.join(known)}")
+    for name in names or ("",):
+        check_name(name, "--controllers")
     return names
 
 

@@ -1,16 +1,23 @@
 """Piston-motion laws: a PI that does not wind up, and no bump at the operating point."""
 
 import math
+from operator import attrgetter
 
 import pytest
 
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.studies import compare_page
+from bench.studies.compare import laws_of
 from controller.knowledge import operating_point
-from controller.motion.law import View
+from controller.motion.law import Demand, Law, View
 from controller.motion.laws import LAWS
 from controller.motion.pi import pi_step
 from controller.observe.estimate import MID_STROKE, Motion
 from hil.config.controller import ControllerConfig, Gains, OpenLoopConfig
+from hil.config.load import build
 from hil.config.prototypes import NU
+from hil.errors import ConfigError
 
 POINT = operating_point(NU, 0.0155, 810.0)
 
@@ -133,6 +140,40 @@ def test_open_loop_gives_its_fuel_whatever_happens(fuel_kg):
     expected = POINT.fuel_kg if fuel_kg is None else fuel_kg
     for view in (STEADY, seen(tdc_m=0.001, v_mid_m_s=0.0)):
         assert run("open-loop", view, 3, config=config)[1].fuel_kg == expected
+
+
+def more_fuel(config, state, view):
+    return state + 1, Demand(1.01 * view.point.fuel_kg)
+
+
+def test_a_law_is_a_row_and_nothing_else(monkeypatch):
+    """It can be configured, run, taken over to, compared and tuned by its name alone."""
+    monkeypatch.setitem(LAWS, "mine", Law("mine", 0, more_fuel))
+    tree = {
+        "loop": {"clock": "lockstep"},
+        "run": {"duration_s": 0.4},
+        "controller": {"name": "mine"},
+    }
+    tree["events"] = {"back": {"kind": "law", "law": "mine", "at_s": 0.2}}
+    course = simulate(resolve(build(tree, "test")))
+    assert course.mode == "generating"
+    assert course.dead_centres[-1].fuel_kg == pytest.approx(1.01 * POINT.fuel_kg, rel=0.02)
+    assert laws_of(None)[-1] == "mine"
+    assert compare_page._colour("mine").startswith("#")
+
+
+@pytest.mark.parametrize("events", [{}, {"to": {"kind": "law", "law": "none-such", "at_s": 0.1}}])
+def test_a_name_without_a_row_is_refused_with_those_that_have_one(events):
+    tree = {"controller": {"name": "cascade" if events else "none-such"}, "events": events}
+    key = "events.to.law" if events else "controller.name"
+    with pytest.raises(ConfigError, match=f"{key} = 'none-such': accepted: cascade, single"):
+        resolve(build(tree, "test"))
+
+
+@pytest.mark.parametrize(("name", "law"), LAWS.items())
+def test_what_may_be_tuned_is_a_key_of_the_configuration(name, law):
+    for key in law.parameters:
+        assert attrgetter(key)(CONFIG) > 0.0
 
 
 @pytest.mark.parametrize("name", LAWS)
