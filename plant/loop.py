@@ -144,7 +144,8 @@ class PlantLoop:
         self.state, events = step(self.params, before, answer.command)
         self._measured = self._measure()
         if self._initial_events:
-            self._initial_events, events = (), self._initial_events + events
+            events = self._initial_events + events
+            self._initial_events = ()
         self._record(slot, sent_ns, measured, answer, before, events)
         late_ns = slot.woke_ns - slot.scheduled_ns
         self._late_max_ns = max(self._late_max_ns, late_ns)

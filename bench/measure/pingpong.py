@@ -57,19 +57,19 @@ class Times:
         path.write_text(json.dumps(facts), encoding="utf-8")
 
 
-class TimedPacer(RealTimePacer):
-    """Notes how late each slot began."""
-
-    __slots__ = ("_times",)
+class TimedPacer:
+    """A pacer in real time that notes how late each slot began."""
 
     def __init__(self, scenario: Resolved, times: Times) -> None:
-        period_ns = scenario.loop.period_ns
-        super().__init__(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
+        self.period_ns = period_ns = scenario.loop.period_ns
+        self.patience_ns = 0
+        self._pacer = RealTimePacer(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
         self._times = times
+        self.start, self.now_ns = self._pacer.start, self._pacer.now_ns
 
     def wait(self, tick: int) -> Slot:
         """Return the slot of the tick."""
-        slot = super().wait(tick)
+        slot = self._pacer.wait(tick)
         self._times.late_ns.append(slot.woke_ns - slot.scheduled_ns)
         self._times.missed += slot.missed
         return slot
