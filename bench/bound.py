@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from hil.errors import ConfigError
-from plant.combustion import Stroke, energy_j
-from plant.limit_cycle import fuel_for_tdc
-from plant.linear import NO_STOP
-from plant.models import advance, path_of
+from plant.engines.fast.combustion import Stroke, energy_j
+from plant.engines.fast.limit_cycle import fuel_for_tdc
+from plant.engines.fast.linear import NO_STOP
+from plant.engines.fast.paths import advance, path_of
 from plant.params import Engine
 
 BAND_MM = 0.1

@@ -190,7 +190,7 @@ def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | Non
     if plant.model != "two-stroke":
         return None
     from bench import bound_detailed
-    from plant.detailed.settle import calibration_of
+    from plant.engines.detailed.settle import calibration_of
 
     calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
     advance_s = controller.timing.spark_advance_s

@@ -11,10 +11,10 @@ from bench.engine_trace import Trace, cycle
 from hil.config.detailed import Calibration, read
 from hil.errors import ConfigError, HilError
 from hil.prototypes import NU
-from plant.detailed import layout as at
-from plant.detailed.engine import Engine, Motion, engine_of
-from plant.detailed.figures import Figures, figures, settled
-from plant.limit_cycle import fuel_curve
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Engine, Motion, engine_of
+from plant.engines.detailed.figures import Figures, figures, settled
+from plant.engines.fast.limit_cycle import fuel_curve
 from plant.params import engine_of as fast_engine_of
 
 _FORCES = ("motor_1_n", "motor_2_n", "motor_3_n")

@@ -1,8 +1,8 @@
 """An engine of ours as a Functional Mock-up Unit: a binary, a description, and C sources.
 
-The sources of a fast-response model (plant/fmu/source) do what plant/step.py does, operation for
-operation; a detailed engine brings its compiled step (bench/fmu_detailed.py). The unit needs
-nothing at run time but the C library.
+The sources of a fast-response model (plant/engines/fmu/source) do what plant/engines/fast does,
+operation for operation; a detailed engine brings its compiled step (bench/fmu_detailed.py). The
+unit needs nothing at run time but the C library.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from typing import Final, NamedTuple
 from bench.fmu_description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
-from plant.fmu.archive import library
-from plant.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
+from plant.engines.fmu.archive import library
+from plant.engines.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
 from plant.params import engine_of
 
 MODELS: Final = (
@@ -180,7 +180,7 @@ def _defined(header: str, values: dict[str, str]) -> str:
 
 
 def _read_sources(engine: str, version: int) -> dict[str, str]:
-    folder = files("plant.fmu") / "source"
+    folder = files("plant.engines.fmu") / "source"
     names = ("engine.h", engine, "refused.c", f"fmi{version}.c")
     return {name: (folder / name).read_text(encoding="utf-8") for name in names}
 

@@ -21,14 +21,14 @@ from hil.config.plant import DETAILED_MODELS
 from hil.config.scenario import Scenario
 from hil.log import Log, Span
 from hil.messages import PULSE_CLOCK_US
-from plant.actuation import PulseOrder
-from plant.detailed import layout as at
-from plant.machine import MachineOrder
+from plant.engines.detailed import layout as at
 from plant.main import make_params
 from plant.memory import LoopMemory
 from plant.params import PlantParams
-from plant.state import Command, PlantState
-from plant.step import step
+from plant.rig.actuation import PulseOrder
+from plant.rig.machine import MachineOrder
+from plant.rig.state import Command, PlantState
+from plant.rig.step import step
 
 _FINE_NS: Final = 100_000
 _LEAST_NS: Final = 350_000_000
@@ -50,7 +50,7 @@ class Cycle(NamedTuple):
     """The last whole cycle, and the figures of the last ones.
 
     volume_m3, p_pa : shape (2, samples), left and right cylinder
-    figures : plant.detailed.figures.Figures
+    figures : plant.engines.detailed.figures.Figures
     """
 
     t_s: Floats
@@ -152,7 +152,7 @@ def _cycle(p: PlantParams, fine: Fine) -> Cycle | None:
     inside = slice(max(first - 1, 0), last + 1)  # from one side of each end, so that it closes
     y = fine.y[inside]
     volume, pressure = _gas(engine.p, y)
-    module = import_module("plant.detailed.figures")
+    module = import_module("plant.engines.detailed.figures")
     figures = module.figures(engine, _motion(engine, fine, rows), _CYCLES)
     fuel = at.SUM + at.Q_FUEL + at.SUM_STRIDE * np.array((0, 1))
     burning = int(np.count_nonzero(y[-1, fuel] > y[0, fuel])) or 2
@@ -193,7 +193,7 @@ def _gas(
 
 def _motion(engine: Any, fine: Fine, rows: NDArray[np.float64]) -> Any:  # noqa: ANN401
     """The rows as the record of an engine that was run by itself."""
-    module = import_module("plant.detailed.engine")
+    module = import_module("plant.engines.detailed.engine")
     record = np.zeros((module.RECORD_ROWS, at.N_REC))
     record[: len(rows)] = rows
     d = fine.d[-1].copy()

@@ -16,13 +16,13 @@ from controller import state as control
 from controller.actuator import MAX_PULSES
 from hil.config.scenario import Scenario
 from hil.messages import PULSE_CLOCK_US, PistonSample
-from plant.actuation import PulseOrder
-from plant.events import Event
-from plant.initial import initial_state
-from plant.machine import MachineOrder
+from plant.rig.actuation import PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.events import Event
+from plant.rig.machine import MachineOrder
+from plant.rig.state import Command, DeadCentre
+from plant.rig.step import step
 from plant.sensors import electric_power_w, sample
-from plant.state import Command, DeadCentre
-from plant.step import step
 
 
 class Course(NamedTuple):

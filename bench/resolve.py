@@ -15,7 +15,7 @@ from hil.config.plant import PlantConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from hil.prototypes import Prototype
-from plant.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
 from plant.params import Engine, engine_of
 
 NOMINAL_FUEL_KG = 2.8185e-6

@@ -9,7 +9,7 @@ from hil.config.load import build, parse_assignment, with_override
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.params import PlantParams
-from plant.state import PlantState
+from plant.rig.state import PlantState
 
 _AS_COMMANDS = {
     "controller.tdc_ref_m": ("set-point", "tdc_ref_m"),

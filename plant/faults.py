@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from hil.config.plant import FAULT_KINDS, PlantEvent
 from hil.errors import ConfigError
-from plant.disturbances import compile_edges
 from plant.params import PlantParams
+from plant.rig.disturbances import compile_edges
 
 _EVENT: Final[TypeAdapter[PlantEvent]] = TypeAdapter(PlantEvent)
 

@@ -1,6 +1,6 @@
 """The plant's turn: send the sample, take the answer to the one before, step, record.
 
-Everything that touches the outside goes through a port; the physics is in plant/step.py.
+Everything that touches the outside goes through a port; the physics is in plant/rig/step.py.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
 from hil.signals import most_of
-from plant import events as codes
 from plant import faults
-from plant.actuation import PulseOrder
-from plant.events import Event
-from plant.machine import MachineOrder
 from plant.memory import LoopMemory, Measured, Ordered
 from plant.params import PlantParams
+from plant.rig import events as codes
+from plant.rig.actuation import PulseOrder
+from plant.rig.events import Event
+from plant.rig.machine import MachineOrder
+from plant.rig.state import Command, PlantState, truth
+from plant.rig.step import step
 from plant.sensors import electric_power_w, pressures_pa, sample
-from plant.state import Command, PlantState, truth
-from plant.step import step
 
 _NAN: Final = float("nan")
 _NEVER: Final = 1 << 62

@@ -25,9 +25,9 @@ from hil.errors import RunError
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
 from hil.realtime import pin, prepare
-from plant.initial import initial_state
 from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params
+from plant.rig.beginning import initial_state
 
 STATUS_HZ = 10
 SNAPSHOT_HZ = 4

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hil.codec import DecoderMemory
+from plant.rig.state import PlantState
 from plant.sensors import Sample
-from plant.state import PlantState
 
 
 class Measured(NamedTuple):

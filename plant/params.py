@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 from hil.config.plant import DETAILED_MODELS, PlantConfig, PlantEvent, SensorConfig
 from hil.errors import ConfigError
 from hil.prototypes import Prototype
-from plant.disturbances import Edge, compile_edges
-from plant.nonlinear import CONTACT_GAP_M
+from plant.engines.fast.nonlinear import CONTACT_GAP_M
+from plant.rig.disturbances import Edge, compile_edges
 
 if TYPE_CHECKING:
-    from plant.events import Event
-    from plant.state import Command, PlantState
+    from plant.rig.events import Event
+    from plant.rig.state import Command, PlantState
 
 SECOND_NS = 1_000_000_000
 
@@ -94,8 +94,8 @@ def engine_of(prototype: Prototype, model: str, restitution: float = 0.5) -> Eng
     )
 
 
-_WHOLE: dict[str, str] = dict.fromkeys(DETAILED_MODELS, "plant.detailed.plant") | {
-    "fmu": "plant.fmu.plant"
+_WHOLE: dict[str, str] = dict.fromkeys(DETAILED_MODELS, "plant.engines.detailed.plant") | {
+    "fmu": "plant.engines.fmu.plant"
 }
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hil.config.plant import SensorFaultEvent
-from plant.disturbances import Held
 from plant.params import Engine, PlantParams
-from plant.randoms import SENSOR, normal_pair
-from plant.state import PlantState
+from plant.rig.disturbances import Held
+from plant.rig.randoms import SENSOR, normal_pair
+from plant.rig.state import PlantState
 
 # Volume at the head itself is nought; pressures are told as at this distance from it.
 _NEAREST_M = 1.0e-4

@@ -1,12 +1,12 @@
 """A plant with a perfect controller: right fuel, spark 1 ms before each dead centre."""
 
 from hil.config.plant import InjectorConfig, PlantConfig
-from plant.actuation import PulseOrder
-from plant.initial import initial_state
-from plant.models import remaining_s
+from plant.engines.fast.paths import remaining_s
 from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from plant.rig.actuation import PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 MS = 1_000_000
 FLOW_US = 2000

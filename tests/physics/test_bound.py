@@ -14,7 +14,7 @@ from bench.bound import (
 )
 from hil.errors import ConfigError
 from hil.prototypes import BIT, NU
-from plant.limit_cycle import fuel_for_tdc, limit_cycle
+from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 from plant.params import engine_of
 
 H, R = engine_of(NU, "harmonic"), engine_of(NU, "rectangular")

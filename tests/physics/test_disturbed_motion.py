@@ -7,7 +7,7 @@ from plant_rig import Rig, make
 
 from hil.config.plant import EfficiencyEvent, LoadScaleEvent, MisfireEvent
 from hil.prototypes import NU
-from plant.limit_cycle import fuel_for_tdc
+from plant.engines.fast.limit_cycle import fuel_for_tdc
 from plant.params import engine_of
 
 H = fuel_for_tdc(engine_of(NU, "harmonic"), 0.0155, 810.0)

@@ -7,10 +7,10 @@ from plant_rig import Rig, make
 
 from hil.errors import ConfigError
 from hil.prototypes import BIT, NU
-from plant.initial import initial_state
-from plant.limit_cycle import fuel_curve, fuel_for_tdc, limit_cycle
-from plant.models import remaining_s
+from plant.engines.fast.limit_cycle import fuel_curve, fuel_for_tdc, limit_cycle
+from plant.engines.fast.paths import remaining_s
 from plant.params import engine_of
+from plant.rig.beginning import initial_state
 
 NU_FUEL = 2.8185e-6
 LINEAR = ("closed-form", "harmonic", "rectangular")

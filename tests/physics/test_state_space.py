@@ -8,8 +8,7 @@ import pytest
 
 from hil.errors import ConfigError, MissingExtraError
 from hil.prototypes import NU
-from plant.params import engine_of
-from plant.state_space import (
+from plant.engines.fast.state_space import (
     LinearModel,
     as_control_system,
     damping_ratio,
@@ -21,6 +20,7 @@ from plant.state_space import (
     state_space,
     transfer_function,
 )
+from plant.params import engine_of
 
 ENGINE = engine_of(NU, "harmonic")
 RUNNING = linear_model(ENGINE, 2.8185e-6, 810.0)

@@ -5,12 +5,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hil.config.plant import LoadScaleEvent, PlantConfig
-from plant.actuation import MAX_DURATION_US, PulseOrder
-from plant.initial import initial_state
-from plant.machine import MachineOrder
 from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from plant.rig.actuation import MAX_DURATION_US, PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.machine import MachineOrder
+from plant.rig.state import Command
+from plant.rig.step import step
 
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 FUEL = {"nonlinear": 1.95e-6}

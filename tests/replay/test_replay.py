@@ -17,7 +17,7 @@ from hil import topics
 from hil.errors import ConfigError, LogError
 from hil.log import Span
 from hil.records import Layout
-from plant import linear
+from plant.engines.fast import linear
 
 ALWAYS = Span()
 PROCESSES = ("plant", "controller")

@@ -12,14 +12,14 @@ from hil.config.load import build
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.prototypes import NU
-from plant.actuation import PulseOrder
-from plant.detailed import layout as at
-from plant.events import CONTACT, MISFIRE, PULSE_REFUSED
-from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, MachineOrder
+from plant.engines.detailed import layout as at
 from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from plant.rig.actuation import PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.events import CONTACT, MISFIRE, PULSE_REFUSED
+from plant.rig.machine import GENERATOR, MOTOR, MachineOrder
+from plant.rig.state import Command
+from plant.rig.step import step
 
 FUEL_KG = 178.8 / 44e6
 PERIOD_NS = 1_000_000
@@ -199,9 +199,9 @@ def test_lines_in_step_with_the_piston_change_nothing():
 def crossings_us():
     """Valve pulses of the first stroke, from where the piston passes the places of Table 3.3."""
     from hil.config.detailed import read
-    from plant.detailed.engine import Motion, begin, engine_of
-    from plant.detailed.settle import settle
-    from plant.detailed.solver import advance, scratch
+    from plant.engines.detailed.engine import Motion, begin, engine_of
+    from plant.engines.detailed.settle import settle
+    from plant.engines.detailed.solver import advance, scratch
 
     c = read("nu-two-stroke")
     found = settle(c, FUEL_KG, 810.0)

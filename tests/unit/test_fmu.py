@@ -26,17 +26,17 @@ from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
-from plant.actuation import PulseOrder
-from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
-from plant.fmu.archive import open_archive
-from plant.fmu.contract import ALL
-from plant.fmu.turning import turning_point
-from plant.fmu.unit import Unit
-from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, MachineOrder
+from plant.engines.fmu.archive import open_archive
+from plant.engines.fmu.contract import ALL
+from plant.engines.fmu.turning import turning_point
+from plant.engines.fmu.unit import Unit
 from plant.params import plant_params
-from plant.state import Command, PlantState
-from plant.step import step
+from plant.rig.actuation import PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
+from plant.rig.machine import GENERATOR, MOTOR, MachineOrder
+from plant.rig.state import Command, PlantState
+from plant.rig.step import step
 
 PERIOD_NS = 1_000_000
 LOAD = MachineOrder(GENERATOR, 0.0, 810.0)

@@ -6,7 +6,7 @@ import pytest
 
 from controller.knowledge import load_for_power, motoring_force, operating_point
 from hil.prototypes import BIT, NU
-from plant.limit_cycle import harmonic_cycle
+from plant.engines.fast.limit_cycle import harmonic_cycle
 from plant.params import engine_of
 
 

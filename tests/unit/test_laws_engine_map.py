@@ -16,7 +16,7 @@ from controller.laws.engine_map import (
     travel,
 )
 from hil.prototypes import BIT, NU
-from plant.limit_cycle import fuel_for_tdc, limit_cycle
+from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 from plant.params import engine_of
 
 LOAD, REF = 810.0, 0.0155

@@ -9,7 +9,7 @@ from bench.resolve import resolve
 from drivers.links import open_memory
 from drivers.recorder import NullRecorder
 from hil.config.load import build
-from plant.state import DeadCentre
+from plant.rig.state import DeadCentre
 
 
 def scenario(**tree):

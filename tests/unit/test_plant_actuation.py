@@ -2,7 +2,7 @@
 
 import pytest
 
-from plant.actuation import (
+from plant.rig.actuation import (
     CHANNELS_WITH_VALVES,
     CONTRADICTORY,
     INJECTOR_LEFT,

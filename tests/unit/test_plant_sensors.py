@@ -5,12 +5,12 @@ import statistics
 import pytest
 
 from hil.config.plant import PlantConfig, SensorConfig, SensorFaultEvent
-from plant.initial import initial_state
 from plant.params import plant_params
-from plant.randoms import normal_pair, uniform
+from plant.rig.beginning import initial_state
+from plant.rig.randoms import normal_pair, uniform
+from plant.rig.state import Command
+from plant.rig.step import step
 from plant.sensors import electric_power_w, pressures_pa, sample
-from plant.state import Command
-from plant.step import step
 
 FUEL = 2.8185e-6
 

@@ -8,12 +8,12 @@ from hil import topics
 from hil.config.plant import MisfireEvent, PlantConfig
 from hil.errors import ConfigError
 from hil.prototypes import NU
-from plant.actuation import PulseOrder
-from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, OFF, MachineOrder
 from plant.params import plant_params
-from plant.state import Command, truth
-from plant.step import step
+from plant.rig.actuation import PulseOrder
+from plant.rig.beginning import initial_state
+from plant.rig.machine import GENERATOR, MOTOR, OFF, MachineOrder
+from plant.rig.state import Command, truth
+from plant.rig.step import step
 
 FUEL = 2.8185e-6
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
