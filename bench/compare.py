@@ -17,7 +17,7 @@ from hil.config.load import build, parse_assignment, read_toml, with_override
 from hil.config.plant import LoadScaleEvent
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 MOMENTS = {"a": (0, 0.25), "b": (0, 0.75), "c": (1, 0.25), "d": (1, 0.75)}
 """Strokes after the event's own, and fraction of the stroke (thesis Fig 6.11)."""
@@ -185,7 +185,7 @@ def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | Non
     ref_m = controller.tdc_ref_m or 0.0
     nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
     if plant.model in FAST_MODELS:
-        engine = engine_of(plant.resolved_prototype(), plant.model)
+        engine = constants_of(plant.resolved_prototype(), plant.model)
         return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
     if plant.model != "two-stroke":
         return None

@@ -21,9 +21,9 @@ from typing import Final, NamedTuple
 from bench.fmu_description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
+from plant.engines.fast.constants import constants_of
 from plant.engines.fmu.archive import library
 from plant.engines.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
-from plant.params import engine_of
 
 MODELS: Final = (
     "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
@@ -119,7 +119,7 @@ def _entries(config: PlantConfig) -> list[Entry]:
 
 def _figures(config: PlantConfig) -> list[Variable]:
     """The figures of a fast-response engine, as parameters."""
-    engine = engine_of(config.resolved_prototype(), config.model, config.contact_restitution)
+    engine = constants_of(config.resolved_prototype(), config.model, config.contact_restitution)
     return [
         _own("moving_mass_kg", "kg", "moving mass", engine.mass_kg),
         _own("area_m2", "m2", "area of a piston", engine.area_m2),

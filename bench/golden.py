@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 import controller.main
-import plant.main
+import plant.build
 from bench import scenarios
 from bench.diff import Comparison, compare
 from bench.replay import replay_file
@@ -102,13 +102,13 @@ def record(scenario: Scenario, out: Path) -> None:
             recorders[name] = open_recorder(out / f"{name}.mcap", scenario, name)
             stack.callback(recorders[name].close)
         plant_end, controller_end = open_memory()
-        loop = plant.main.make_loop(scenario, plant_end, recorders["plant"])
+        loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
         mind = controller.main.make_loop(
             scenario, controller_end, controller.main.make_pacer(scenario), recorders["controller"]
         )
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks:
             tick = loop.turn(tick)
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import controller.main
 import controller.memory
-import plant.main
+import plant.build
 import plant.memory
 from bench.replay_ports import Player, PlayerLink
 from bench.replay_turns import Turn
@@ -66,10 +66,10 @@ class ReplayedPlant:
     """The plant's own loop on recorded answers."""
 
     def __init__(self, scenario: Scenario) -> None:
-        patience_ns = plant.main.make_pacer(scenario).patience_ns
+        patience_ns = plant.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: PlantLoop = plant.main.make_loop(scenario, connection, player, player)
+        self.loop: PlantLoop = plant.build.make_loop(scenario, connection, player, player)
 
     @property
     def next_tick(self) -> int:

@@ -10,15 +10,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import controller.main
-import plant.main
+import plant.build
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
+from drivers.clock import SystemClock
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.process import Stop, guarded, last_words, open_recorder, read_scenario
 from hil.config.scenario import Scenario
 from hil.ports import Link
 from hil.realtime import prepare
+from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
 
@@ -36,7 +38,9 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
         open_recorder(controller_log, scenario, "controller"),
     )
     try:
-        plant_loop = plant.main.make_loop(scenario, plant_end, recorders[0])
+        clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
+        pacer = plant.build.make_pacer(scenario, clock)
+        plant_loop = plant.build.make_loop(scenario, plant_end, recorders[0], pacer)
         controller_loop = controller.main.make_loop(
             scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
         )
@@ -47,7 +51,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
             end.status.on_publish = _tell_of(name)
         granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
         start_s = time.perf_counter()
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks and not stop.requested:
             tick = plant_loop.turn(tick)
         loop_s = time.perf_counter() - start_s
@@ -57,14 +61,14 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
                 closing.callback(recorder.close)
     last_words(
         {
-            "plant": plant.main.facts(plant_loop, plant_end, tick),
+            "plant": facts(plant_loop, plant_end, tick),
             "controller": controller.main.facts(controller_loop, controller_end),
             "granted": granted,
             "loop_s": loop_s,
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,
         }
     )
-    plant.main.raise_if_lost(plant_loop)
+    raise_if_lost(plant_loop)
     return 0
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 import controller.main
-import plant.main
+import plant.build
 from bench import scenarios
 from bench.latency import machine
 from bench.resolve import resolve
@@ -123,7 +123,7 @@ def measure(ticks: int, watch: Stopwatch) -> float:
             open_recorder(Path(name) / f"{side}.mcap", scenario, side)
             for side in ("plant", "controller")
         ]
-        plant_loop = plant.main.make_loop(scenario, ends[0], logs[0])
+        plant_loop = plant.build.make_loop(scenario, ends[0], logs[0])
         pacer = controller.main.make_pacer(scenario)
         answering = controller.main.make_loop(scenario, ends[1], pacer, logs[1])
         prepare(scenario.realtime)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import plant.main
+import plant.build
 from hil.config.load import build, parse_assignment, with_override
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.params import PlantParams
+from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
 
 _AS_COMMANDS = {
@@ -58,9 +58,9 @@ def changed(
     if duration_s is not None:
         tree = with_override(tree, "run.duration_s", duration_s)
     new = build(tree, "--set")
-    params = plant.main.make_params(new)
-    _check_events(plant.main.make_params(scenario), params, state)
-    if plant.main.ticks_of(new) <= tick:
+    params = plant.build.make_params(new)
+    _check_events(plant.build.make_params(scenario), params, state)
+    if plant.build.ticks_of(new) <= tick:
         ends = new.run.duration_s
         raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
     return Changed(new, params, told, _notes(told))

@@ -26,7 +26,8 @@ GROUP: Final = "fpeg_hil"
 
 PATTERNS: Final = (
     "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py",
-    "plant/*.py", "plant/rig/*.py", "plant/engines/fast/*.py",
+    "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
+    "plant/engines/fast/*.py",
     "controller/*.py", "controller/laws/*.py",
     "drivers/memory_link.py", "drivers/ring.py", "drivers/polling.py", "drivers/can_assembly.py",
     "bench/offline.py",

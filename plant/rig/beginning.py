@@ -3,56 +3,25 @@
 from __future__ import annotations
 
 from hil.errors import ConfigError
-from plant.engines.fast.combustion import Stroke
-from plant.engines.fast.limit_cycle import limit_cycle
-from plant.engines.fast.paths import path_of
-from plant.params import PlantParams
-from plant.rig.actuation import PulseTable
+from hil.values import replace
+from plant.engines.machine import GENERATOR, IDLE, MachineOrder
+from plant.engines.protocol import (
+    AT_DEAD_CENTRE,
+    BY_SPARK,
+    NO_CHARGE,
+    OF_ITS_OWN,
+    Charge,
+    Motion,
+    Stop,
+)
+from plant.rig import charges, disturbances
+from plant.rig.actuation import CHANNELS, Line, PulseTable
 from plant.rig.disturbances import Disturbances, Held
-from plant.rig.events import Event
-from plant.rig.machine import GENERATOR, IDLE, MachineOrder, obey
-from plant.rig.state import DeadCentre, PlantState
-from plant.rig.stroke import first_stroke
-
-
-def rest_state(p: PlantParams) -> PlantState:
-    """Begin at rest at mid-stroke, the machine off, no dead centre behind."""
-    stroke = Stroke(0, 1, 0, 0.0)
-    return PlantState(
-        tick=0,
-        x_m=0.0,
-        v_m_s=0.0,
-        tau_s=0.0,
-        moving=False,
-        path=path_of(p.engine, stroke, 0.0, 0.0, x=0.0, v=0.0, tau=0.0),
-        stroke=stroke,
-        machine=IDLE,
-        pulses=PulseTable(),
-        disturbances=Disturbances(),
-        dead_centre=DeadCentre(0, 0, 0.0, 0.0, 1.0),
-        stale=0,
-        contacts=0,
-    )
-
-
-def settled_state(
-    p: PlantParams, fuel_kg: float, load_coefficient_n_s_m: float | None = None
-) -> tuple[PlantState, tuple[Event, ...]]:
-    """Begin at the left dead centre of the settled motion, `fuel_kg` burning there at t = 0.
-
-    Raises: ConfigError when the fuel is out of range or no settled motion stays inside the stroke
-    """
-    c = p.load_coefficient_n_s_m if load_coefficient_n_s_m is None else load_coefficient_n_s_m
-    if not p.fuel_min_kg <= fuel_kg <= p.fuel_max_kg:
-        low, high = p.fuel_min_kg * 1e6, p.fuel_max_kg * 1e6
-        raise ConfigError(f"initial fuel {fuel_kg * 1e6:g} mg is outside {low:.3f} to {high:.3f}")
-    tdc_m = limit_cycle(p.engine, fuel_kg, c).tdc_m
-    if tdc_m >= p.engine.contact_m:
-        raise ConfigError(f"settled motion of {tdc_m * 1e3:.3f} mm strikes the head")
-    order = MachineOrder(GENERATOR, 0.0, c)
-    s = rest_state(p)._replace(x_m=-tdc_m, machine=obey(p, order, 1.0), moving=True)
-    events: list[Event] = []
-    return first_stroke(p, s, fuel_kg, Held(-tdc_m, 0.0), events), tuple(events)
+from plant.rig.events import MISFIRE, Event
+from plant.rig.orders import obey
+from plant.rig.params import PlantParams
+from plant.rig.state import DeadCentre, PlantState, Stroke
+from plant.rig.stroke import begin_at_once, expect, next_stroke, put
 
 
 def initial_state(
@@ -61,9 +30,68 @@ def initial_state(
     """Begin at rest when `fuel_kg` is None, else in the settled motion on that fuel.
 
     Returns: the state at t = 0, and the events of that instant
+    Raises: ConfigError when the engine cannot begin so
     """
-    if p.detailed is not None:
-        return p.detailed.initial(p, rest_state(p), fuel_kg, load_coefficient_n_s_m), ()
+    c = load_coefficient_n_s_m
+    load = p.engine.load_coefficient_n_s_m if c is None else c
     if fuel_kg is None:
-        return rest_state(p), ()
-    return settled_state(p, fuel_kg, load_coefficient_n_s_m)
+        return _at(p, p.engine.begin(None, load)), ()
+    return _settled(p, fuel_kg, load)
+
+
+def _at(p: PlantParams, motion: Motion) -> PlantState:
+    """Begin with that motion, the machine off, no dead centre behind."""
+    return PlantState(
+        tick=0,
+        motion=motion,
+        stroke=Stroke(0, 1, 0, 0.0, NO_CHARGE),
+        machine=IDLE,
+        pulses=PulseTable(lines=(Line(),) * (CHANNELS + p.engine.valves)),
+        disturbances=Disturbances(),
+        dead_centre=DeadCentre(0, 0, 0.0, 0.0, 1.0),
+        lit=NO_CHARGE,
+        stale=0,
+        contacts=0,
+        waiting=(),
+    )
+
+
+def _settled(
+    p: PlantParams, fuel_kg: float, load_n_s_m: float
+) -> tuple[PlantState, tuple[Event, ...]]:
+    """Begin at the left dead centre of the settled motion, `fuel_kg` burning there at t = 0."""
+    own = p.engine.ignition == AT_DEAD_CENTRE
+    if own and not p.fuel_min_kg <= fuel_kg <= p.fuel_max_kg:
+        low, high = p.fuel_min_kg * 1e6, p.fuel_max_kg * 1e6
+        raise ConfigError(f"initial fuel {fuel_kg * 1e6:g} mg is outside {low:.3f} to {high:.3f}")
+    charge = Charge(fuel_kg, 1.0)
+    if p.engine.ignition == OF_ITS_OWN:
+        d = charges.preview(p, Disturbances(), 0)
+        charge = Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
+    s = _at(p, p.engine.begin(charge, load_n_s_m))
+    s = replace(s, machine=obey(p, MachineOrder(GENERATOR, 0.0, load_n_s_m), 1.0))
+    if p.engine.ignition == AT_DEAD_CENTRE:
+        events: list[Event] = []
+        return _fired(p, s, fuel_kg, events), tuple(events)
+    s = next_stroke(s, 1, 1, 0, s.x_m, charge)
+    if p.engine.ignition == BY_SPARK:  # what begins at t = 0 acts from the next dead centre on
+        return s, ()
+    d, taken = disturbances.start_stroke(p.edges, s.disturbances, 0, 0.0)
+    later = [edge for edge in taken if edge.fraction > 0.0]
+    duration = p.engine.stroke_s(s.motion, s.machine, 0, 0) if later else 0.0
+    return replace(s, disturbances=put(d, list(taken), duration)), ()
+
+
+def _fired(p: PlantParams, s: PlantState, fuel_kg: float, events: list[Event]) -> PlantState:
+    """Burn the first charge, with disturbances acting there already."""
+    d, taken = disturbances.start_stroke(p.edges, s.disturbances, 0, 0.0)
+    s = replace(s, disturbances=d)
+    s = begin_at_once(p, s, taken, 0, Held(s.x_m, 0.0), events)
+    d, cause = disturbances.take_misfire(s.disturbances)
+    if cause:
+        events.append(Event(0, MISFIRE, f"{charges.SIDES[charges.LEFT]}: forced, no {cause}"))
+    charge = NO_CHARGE if cause else Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
+    s = next_stroke(replace(s, disturbances=d), 1, 1, 0, s.x_m, charge)
+    stop = Stop(0.0, s.x_m, 0.0, 1, 0, compressed=True, burnt=None)
+    s = replace(s, motion=p.engine.turn(s.motion, s.machine, charge, stop))
+    return expect(p, s, taken, 0, 0.0)

@@ -6,7 +6,7 @@ once, or after a fraction of the duration which that stroke would have if left a
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, final
 
 from hil.config.plant import (
     EfficiencyEvent,
@@ -15,52 +15,84 @@ from hil.config.plant import (
     PlantEvent,
     SensorFaultEvent,
 )
+from hil.values import Value, replace
 
-LOAD_SCALE = 1
-EFFICIENCY = 2
-MISFIRE = 4
-SENSOR_FAULT = 8
+LOAD_SCALE: Final = 1
+EFFICIENCY: Final = 2
+MISFIRE: Final = 4
+SENSOR_FAULT: Final = 8
 
-_NEVER = float("inf")
+_NEVER: Final = float("inf")
 
 
-class Edge(NamedTuple):
+@final
+class Edge(Value):
     """The beginning or the end of one event."""
 
-    at_ns: int
-    fraction: float
-    event: int
-    begins: bool
+    __slots__ = ("at_ns", "fraction", "event", "begins")
+
+    def __init__(self, at_ns: int, fraction: float, event: int, begins: bool) -> None:
+        self.at_ns = at_ns
+        self.fraction = fraction
+        self.event = event
+        self.begins = begins
 
 
-class Due(NamedTuple):
+@final
+class Due(Value):
     """An edge with its instant, in seconds from the start of the stroke under way."""
 
-    tau_s: float
-    event: int
-    begins: bool
+    __slots__ = ("tau_s", "event", "begins")
+
+    def __init__(self, tau_s: float, event: int, begins: bool) -> None:
+        self.tau_s = tau_s
+        self.event = event
+        self.begins = begins
 
 
-class Held(NamedTuple):
+@final
+class Held(Value):
     """The piston as last sampled before a fault began."""
 
-    x_m: float
-    v_m_s: float
+    __slots__ = ("x_m", "v_m_s")
+
+    def __init__(self, x_m: float, v_m_s: float) -> None:
+        self.x_m = x_m
+        self.v_m_s = v_m_s
 
 
-class Disturbances(NamedTuple):
+@final
+class Disturbances(Value):
     """What is in force and what is still to come."""
 
-    next_edge: int = 0
-    due: tuple[Due, ...] = ()
-    due_s: float = _NEVER
-    active: tuple[int, ...] = ()
-    load_scale: float = 1.0
-    efficiency: tuple[float, float] | None = None
-    misfires: int = 0
-    misfire_cause: str = ""
-    misfired: bool = False
-    faults: tuple[tuple[int, Held], ...] = ()
+    __slots__ = (
+        "next_edge", "due", "due_s", "active", "load_scale", "efficiency", "misfires",
+        "misfire_cause", "misfired", "faults",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        next_edge: int = 0,
+        due: tuple[Due, ...] = (),
+        due_s: float = _NEVER,
+        active: tuple[int, ...] = (),
+        load_scale: float = 1.0,
+        efficiency: tuple[float, float] | None = None,
+        misfires: int = 0,
+        misfire_cause: str = "",
+        misfired: bool = False,
+        faults: tuple[tuple[int, Held], ...] = (),
+    ) -> None:
+        self.next_edge = next_edge
+        self.due = due
+        self.due_s = due_s
+        self.active = active
+        self.load_scale = load_scale
+        self.efficiency = efficiency
+        self.misfires = misfires
+        self.misfire_cause = misfire_cause
+        self.misfired = misfired
+        self.faults = faults
 
     @property
     def mask(self) -> int:
@@ -101,19 +133,19 @@ def start_stroke(
         last += 1
     taken = edges[state.next_edge : last]
     due = tuple(Due(max(d.tau_s - elapsed_s, 0.0), d.event, d.begins) for d in state.due)
-    return state._replace(next_edge=last, due=due, due_s=_first(due)), taken
+    return replace(state, next_edge=last, due=due, due_s=_first(due)), taken
 
 
 def put(state: Disturbances, due: Due) -> Disturbances:
     """Enter an edge at its instant."""
     entries = tuple(sorted((*state.due, due), key=lambda d: d.tau_s))
-    return state._replace(due=entries, due_s=_first(entries))
+    return replace(state, due=entries, due_s=_first(entries))
 
 
 def pop(state: Disturbances) -> tuple[Disturbances, Due]:
     """Take the edge that is due first."""
     rest = state.due[1:]
-    return state._replace(due=rest, due_s=_first(rest)), state.due[0]
+    return replace(state, due=rest, due_s=_first(rest)), state.due[0]
 
 
 def _first(due: tuple[Due, ...]) -> float:
@@ -126,7 +158,7 @@ def apply(
     """Begin or end one event; among events of a kind the one begun last counts."""
     event = events[due.event]
     if isinstance(event, MisfireEvent):
-        return state._replace(misfires=state.misfires + event.count, misfire_cause=event.cause)
+        return replace(state, misfires=state.misfires + event.count, misfire_cause=event.cause)
     if isinstance(event, SensorFaultEvent):
         return _apply_fault(event, state, due, held)
     active = tuple(index for index in state.active if index != due.event)
@@ -139,7 +171,7 @@ def apply(
             scale = current.value
         elif isinstance(current, EfficiencyEvent):
             efficiency = (current.low, current.high)
-    return state._replace(active=active, load_scale=scale, efficiency=efficiency)
+    return replace(state, active=active, load_scale=scale, efficiency=efficiency)
 
 
 def _apply_fault(
@@ -147,13 +179,13 @@ def _apply_fault(
 ) -> Disturbances:
     faults = tuple(fault for fault in state.faults if fault[0] != due.event)
     if not due.begins:
-        return state._replace(faults=faults)
-    state = state._replace(faults=(*faults, (due.event, held)))
+        return replace(state, faults=faults)
+    state = replace(state, faults=(*faults, (due.event, held)))
     return put(state, Due(due.tau_s + event.duration_s, due.event, False))
 
 
 def take_misfire(state: Disturbances) -> tuple[Disturbances, str]:
     """Use up one forced misfire, if there is one: its cause, or an empty string."""
     if not state.misfires:
-        return (state._replace(misfired=False) if state.misfired else state), ""
-    return state._replace(misfires=state.misfires - 1, misfired=True), state.misfire_cause
+        return (replace(state, misfired=False) if state.misfired else state), ""
+    return replace(state, misfires=state.misfires - 1, misfired=True), state.misfire_cause

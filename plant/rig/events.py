@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, final
 
-AT_REST = "at-rest"
-IN_MOTION = "in-motion"
-CONTACT = "contact"
-MISFIRE = "misfire"
-DISTURBANCE = "disturbance"
-PULSE_REFUSED = "pulse-refused"
-ORDER_REFUSED = "order-refused"
-SAFE_STATE = "safe-state"
-SAFE_STATE_LEFT = "safe-state-left"
+from hil.values import Value
 
-CODES = (
+AT_REST: Final = "at-rest"
+IN_MOTION: Final = "in-motion"
+CONTACT: Final = "contact"
+MISFIRE: Final = "misfire"
+DISTURBANCE: Final = "disturbance"
+PULSE_REFUSED: Final = "pulse-refused"
+ORDER_REFUSED: Final = "order-refused"
+SAFE_STATE: Final = "safe-state"
+SAFE_STATE_LEFT: Final = "safe-state-left"
+
+CODES: Final = (
     AT_REST,
     IN_MOTION,
     CONTACT,
@@ -27,9 +29,13 @@ CODES = (
 )
 
 
-class Event(NamedTuple):
+@final
+class Event(Value):
     """An occurrence at its own instant, in nanoseconds since the start of the run."""
 
-    t_ns: int
-    code: str
-    text: str
+    __slots__ = ("t_ns", "code", "text")
+
+    def __init__(self, t_ns: int, code: str, text: str) -> None:
+        self.t_ns = t_ns
+        self.code = code
+        self.text = text

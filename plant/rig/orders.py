@@ -1,13 +1,29 @@
-"""A tick's orders, whatever solves the motion: machine, pulses, and what silence comes to."""
+"""A tick's orders: machine and pulses, what comes late, and what silence comes to."""
 
 from __future__ import annotations
 
-from plant.params import PlantParams
+import math
+
+from hil.values import replace
+from plant.engines.machine import GENERATOR, MOTOR, OFF, Machine, MachineOrder
 from plant.rig import actuation
-from plant.rig.actuation import NEVER_NS, Injector, PulseOrder
+from plant.rig.actuation import NEVER_NS, PulseOrder
 from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
-from plant.rig.machine import MachineOrder, obey, objection, safe_order
-from plant.rig.state import Command, PlantState
+from plant.rig.params import PlantParams
+from plant.rig.state import AS_BEFORE, Command, PlantState
+
+
+def delayed(
+    p: PlantParams, s: PlantState, command: Command | None
+) -> tuple[PlantState, Command | None]:
+    """Put a command behind those that wait; what came `delay_ticks` ago acts now.
+
+    Before the first one acts, the plant goes on as it began.
+    """
+    waiting = (*s.waiting, command)
+    if len(waiting) <= p.delay_ticks:
+        return replace(s, waiting=waiting), AS_BEFORE
+    return replace(s, waiting=waiting[1:]), waiting[0]
 
 
 def follow(
@@ -23,9 +39,9 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
     if s.stale:
         if s.stale >= p.stale_ticks:
             events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
-        s = s._replace(stale=0)
+        s = replace(s, stale=0)
     order = command.machine
-    if order is not None and order != s.machine.order:
+    if order is not None and order is not s.machine.order and order != s.machine.order:
         s = _reorder(p, s, order, now_ns, events)
     if not command.may_fire:
         return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
@@ -40,13 +56,12 @@ def _take_pulses(
     for reason, pulse in refused:
         text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
         events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-    return s if pulses is s.pulses else s._replace(pulses=pulses)
+    return s if pulses is s.pulses else replace(s, pulses=pulses)
 
 
 def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
     """Close the injectors and forget every pulse to come."""
-    injector = Injector(p.flow_kg_s, p.dead_time_ns)
-    return s._replace(pulses=actuation.shut(s.pulses, injector, now_ns))
+    return replace(s, pulses=actuation.shut(s.pulses, p.injector, now_ns))
 
 
 def _reorder(
@@ -57,15 +72,39 @@ def _reorder(
     if reason:
         events.append(Event(now_ns, ORDER_REFUSED, reason))
         return s
-    return s._replace(machine=obey(p, order, s.disturbances.load_scale))
+    return replace(s, machine=obey(p, order, s.disturbances.load_scale))
 
 
 def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Count the silence; when it has lasted, brake, and close the injectors."""
-    s = s._replace(stale=s.stale + 1)
+    s = replace(s, stale=s.stale + 1)
     if s.stale != p.stale_ticks:
         return s
     now_ns = s.tick * p.period_ns
     text = f"no valid command for {s.stale} ticks: injectors closed, ignition off, machine braking"
     events.append(Event(now_ns, SAFE_STATE, text))
     return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)
+
+
+def safe_order(p: PlantParams) -> MachineOrder:
+    """Brake as a generator at the full nominal load coefficient."""
+    return MachineOrder(GENERATOR, 0.0, p.load_coefficient_n_s_m)
+
+
+def objection(order: MachineOrder) -> str:
+    """Tell what is wrong with an order; an empty string when nothing is."""
+    if order.mode not in (OFF, MOTOR, GENERATOR):
+        return f"machine mode {order.mode} is none of 0, 1, 2"
+    if not (math.isfinite(order.force_n) and 0.0 <= order.load_coefficient_n_s_m < math.inf):
+        return "machine force must be finite, and load coefficient finite and not negative"
+    return ""
+
+
+def obey(p: PlantParams, order: MachineOrder, load_scale: float) -> Machine:
+    """Damping c = scale * Ce when generating; force within the peak force when motoring."""
+    if order.mode == GENERATOR:
+        return Machine(order, order.load_coefficient_n_s_m * load_scale, 0.0)
+    if order.mode == MOTOR:
+        peak = p.peak_force_n
+        return Machine(order, 0.0, min(max(order.force_n, -peak), peak))
+    return Machine(order, 0.0, 0.0)

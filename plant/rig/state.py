@@ -2,64 +2,122 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, final
 
-from plant.engines.detailed.types import GasState
-from plant.engines.fast.combustion import Stroke
-from plant.engines.fast.paths import Path
+from hil.values import Value
+from plant.engines.machine import Machine, MachineOrder
+from plant.engines.protocol import Charge, Motion
 from plant.rig.actuation import PulseOrder, PulseTable
 from plant.rig.disturbances import Disturbances
-from plant.rig.machine import Machine, MachineOrder
 
 
-class Command(NamedTuple):
+@final
+class Command(Value):
     """What one tick's valid frames said; `may_fire` false forces all TTL lines low."""
 
-    machine: MachineOrder | None = None
-    pulses: tuple[PulseOrder, ...] = ()
-    may_fire: bool = True
+    __slots__ = ("machine", "pulses", "may_fire")
+
+    def __init__(
+        self,
+        machine: MachineOrder | None = None,
+        pulses: tuple[PulseOrder, ...] = (),
+        may_fire: bool = True,
+    ) -> None:
+        self.machine = machine
+        self.pulses = pulses
+        self.may_fire = may_fire
 
 
-class DeadCentre(NamedTuple):
+AS_BEFORE: Final = Command()
+"""An answer that orders nothing new."""
+
+
+@final
+class Stroke(Value):
+    """The stroke under way; `number` counts dead centres."""
+
+    __slots__ = ("number", "direction", "start_ns", "start_x_m", "charge")
+
+    def __init__(
+        self, number: int, direction: int, start_ns: int, start_x_m: float, charge: Charge
+    ) -> None:
+        self.number = number
+        self.direction = direction
+        self.start_ns = start_ns
+        self.start_x_m = start_x_m
+        self.charge = charge
+
+
+@final
+class DeadCentre(Value):
     """The last dead centre exactly; number 0 means that there was none yet.
 
     `fuel_kg` is what burnt there, nought after a misfire.
     """
 
-    number: int
-    t_ns: int
-    x_m: float
-    fuel_kg: float
-    efficiency: float
+    __slots__ = ("number", "t_ns", "x_m", "fuel_kg", "efficiency")
+
+    def __init__(
+        self, number: int, t_ns: int, x_m: float, fuel_kg: float, efficiency: float
+    ) -> None:
+        self.number = number
+        self.t_ns = t_ns
+        self.x_m = x_m
+        self.fuel_kg = fuel_kg
+        self.efficiency = efficiency
 
 
-class PlantState(NamedTuple):
-    """The truth at the start of a tick; `tau_s` counts from the start of the stroke.
+@final
+class PlantState(Value):
+    """The truth at the start of a tick.
 
+    lit: the charge that a spark has lit in this stroke, for engines that burn before the dead
+        centre
     waiting: commands that have arrived and do not act yet, the oldest first
     """
 
-    tick: int
-    x_m: float
-    v_m_s: float
-    tau_s: float
-    moving: bool
-    path: Path
-    stroke: Stroke
-    machine: Machine
-    pulses: PulseTable
-    disturbances: Disturbances
-    dead_centre: DeadCentre
-    stale: int
-    contacts: int
-    waiting: tuple[Command | None, ...] = ()
-    gas: GasState | None = None
-
-
-def truth(state: PlantState) -> tuple[float, ...]:
-    """What the log holds of a state: the fields of /truth after its tick and instant."""
-    number, dc_t_ns, dc_x_m, fuel_kg, _ = state.dead_centre
-    return (
-        state.x_m, state.v_m_s, fuel_kg, state.machine.load_coefficient_n_s_m,
-        state.disturbances.mask, number, dc_t_ns, dc_x_m, state.contacts,
+    __slots__ = (
+        "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
+        "stale", "contacts", "waiting",
     )  # fmt: skip
+
+    def __init__(
+        self,
+        tick: int,
+        motion: Motion,
+        stroke: Stroke,
+        machine: Machine,
+        pulses: PulseTable,
+        disturbances: Disturbances,
+        dead_centre: DeadCentre,
+        lit: Charge,
+        stale: int,
+        contacts: int,
+        waiting: tuple[Command | None, ...],
+    ) -> None:
+        self.tick = tick
+        self.motion = motion
+        self.stroke = stroke
+        self.machine = machine
+        self.pulses = pulses
+        self.disturbances = disturbances
+        self.dead_centre = dead_centre
+        self.lit = lit
+        self.stale = stale
+        self.contacts = contacts
+        self.waiting = waiting
+
+    @property
+    def x_m(self) -> float:
+        """Position from mid-stroke, positive to the right head."""
+        return self.motion.x_m
+
+    @property
+    def v_m_s(self) -> float:
+        """Velocity, positive to the right head."""
+        return self.motion.v_m_s
+
+    @property
+    def moving(self) -> bool:
+        """Whether the piston is in motion."""
+        return self.motion.moving

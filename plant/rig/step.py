@@ -1,23 +1,28 @@
 """One tick of the plant: orders taken, motion solved, every instant inside it honoured.
 
-step(params, state, command) -> (state, events). An ordinary tick is one evaluation of a closed
-form; a tick with an edge, a dead centre or a contact inside goes through `_busy_tick`.
+step(params, state, command) -> (state, events), whatever the engine. An ordinary tick is one
+evaluation of a closed form; a tick with an edge, a dead centre or a contact inside goes through
+`_busy_tick`, as does every tick of an engine that has no closed form.
 """
 
 from __future__ import annotations
 
-from plant.engines.fast.linear import DEAD_CENTRE, NO_STOP, UNDERDAMPED, Segment, evaluate
-from plant.engines.fast.paths import acceleration, advance
-from plant.params import PlantParams
-from plant.rig import actuation, disturbances, orders
-from plant.rig.actuation import Injector
+from typing import Final
+
+from hil.values import replace
+from plant.engines.machine import Machine
+from plant.engines.protocol import BY_SPARK, OF_ITS_OWN, Ahead, Inputs, Moved
+from plant.rig import actuation, charges, orders
+from plant.rig.actuation import VALVES, PulseTable
 from plant.rig.disturbances import Held
 from plant.rig.events import Event
+from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
-from plant.rig.stroke import REST_M, REST_M_S, apply_due, come_to_rest, end_stroke, repath
+from plant.rig.stroke import act, end_stroke, moved, take_due
 
-# Bounces against a head shrink without end; after this many stops in a tick the piston rests.
-_MAX_STOPS = 32
+_NO_VALVES: Final[tuple[int, ...]] = ()
+_NO_FUEL: Final = (0.0, 0.0)
+_NO_SPARK: Final = (-1, -1)
 
 Events = tuple[Event, ...]
 
@@ -30,116 +35,94 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     """
     events: list[Event] = []
     if p.delay_ticks:
-        s, command = _delayed(p, s, command)
-    if p.detailed is not None:
-        return p.detailed.step(p, s, command)
-    machine = s.machine
+        s, command = orders.delayed(p, s, command)
+    before = s.machine
     s = orders.follow(p, s, command, events)
-    if s.machine is not machine and s.machine[1:] != machine[1:]:
-        s = repath(p, s, s.tick * p.period_ns, events)
-    end_ns = (s.tick + 1) * p.period_ns
-    tau = s.tau_s + p.dt_s
-    if tau < s.disturbances.due_s and s.pulses.next_edge_ns > end_ns:
-        plain = _plain_tick(p, s, tau)
-        if plain is not None:
-            return plain, tuple(events)
-    s = _busy_tick(p, s, events)
-    return s, tuple(events)
+    if s.machine is not before and _differ(s.machine, before):
+        s = act(p, s, s.tick * p.period_ns, events)
+    due_s = s.motion.tau_s + p.dt_s
+    if due_s < s.disturbances.due_s and s.pulses.next_edge_ns > (s.tick + 1) * p.period_ns:
+        motion = p.engine.coast(s.motion, p.dt_s)
+        if motion is not None:
+            return PlantState(
+                s.tick + 1, motion, s.stroke, s.machine, s.pulses, s.disturbances, s.dead_centre,
+                s.lit, s.stale, s.contacts, s.waiting,
+            ), tuple(events)  # fmt: skip
+    return _busy_tick(p, s, events), tuple(events)
 
 
-def _delayed(
-    p: PlantParams, s: PlantState, command: Command | None
-) -> tuple[PlantState, Command | None]:
-    """Put a command behind those that wait; what came `delay_ticks` ago acts now.
-
-    Before the first one acts, the plant goes on as it began.
-    """
-    waiting = (*s.waiting, command)
-    if len(waiting) <= p.delay_ticks:
-        return s._replace(waiting=waiting), Command()
-    return s._replace(waiting=waiting[1:]), waiting[0]
-
-
-def _plain_tick(p: PlantParams, s: PlantState, tau: float) -> PlantState | None:
-    """Move through a tick in which nothing happens; None when something does."""
-    (tick, x, v, _, moving, path, stroke, machine, pulses, d, dc, stale, contacts, waiting, _) = s
-    if moving:
-        if not isinstance(path, Segment) or path.regime != UNDERDAMPED:
-            return None
-        x, v = evaluate(path, tau)
-        direction = stroke.direction
-        if v * direction <= 0.0 or x * direction >= p.engine.contact_m:
-            return None
-    return PlantState(
-        tick + 1, x, v, tau, moving, path, stroke, machine, pulses, d, dc, stale, contacts, waiting
-    )
+def _differ(a: Machine, b: Machine) -> bool:
+    return a.load_coefficient_n_s_m != b.load_coefficient_n_s_m or a.force_n != b.force_n
 
 
 def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Move through a tick from one instant of note to the next."""
     held = Held(s.x_m, s.v_m_s)
-    start_ns = s.tick * p.period_ns
-    used = 0.0
-    for _ in range(_MAX_STOPS):
-        left = p.dt_s - used
-        wait = max(s.disturbances.due_s - s.tau_s, 0.0)
-        span = min(left, wait)
-        s, spent, stop = _move(p, s, span)
-        used = p.dt_s if stop == NO_STOP and span == left else used + spent
-        if stop != NO_STOP:
-            s = end_stroke(p, s, start_ns + used * 1e9, stop, held=held, events=events)
-        elif wait <= left:
-            s = _take_due(p, s, round(start_ns + used * 1e9), held, events)
-        if used >= p.dt_s:
-            break
-    else:
-        s = come_to_rest(s._replace(tau_s=s.tau_s + p.dt_s - used), start_ns, events)
-    return _finish_tick(p, s, events)
-
-
-def _move(p: PlantParams, s: PlantState, span: float) -> tuple[PlantState, float, int]:
-    """Move on by `span` seconds, or to the end of the stroke if that comes first."""
-    if not s.moving:
-        return s._replace(tau_s=s.tau_s + span), span, NO_STOP
-    x, v, spent, stop = advance(
-        s.path,
-        s.x_m,
-        s.v_m_s,
-        s.tau_s,
-        span,
-        direction=s.stroke.direction,
-        contact_m=p.engine.contact_m,
-    )
-    return s._replace(x_m=x, v_m_s=v, tau_s=s.tau_s + spent), spent, stop
-
-
-def _take_due(
-    p: PlantParams, s: PlantState, t_ns: int, held: Held, events: list[Event]
-) -> PlantState:
-    """Apply the disturbance edge that is due here."""
-    d, due = disturbances.pop(s.disturbances)
-    s = s._replace(disturbances=d)
-    return repath(p, apply_due(p, s, due, t_ns=t_ns, held=held, events=events), t_ns, events)
-
-
-def _finish_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
-    """Apply the pulse edges up to the tick's end, and see whether a creeping piston has stopped."""
+    now_ns: float = s.tick * p.period_ns
+    used_s, part, at_end = 0.0, 0, False
+    while not at_end:
+        ahead = _ahead(p, s, now_ns, used_s, part)
+        it = p.engine.advance(s.motion, _inputs(p, s, ahead), ahead)
+        s = _arrive(p, s, it, held, events)
+        now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
     end_ns = (s.tick + 1) * p.period_ns
-    injector = Injector(p.flow_kg_s, p.dead_time_ns)
-    if _creeps_no_more(p, s):
-        if s.stroke.energy_j == 0.0:
-            s = come_to_rest(s, end_ns, events)
-        else:
-            s = end_stroke(p, s, end_ns, DEAD_CENTRE, held=Held(s.x_m, 0.0), events=events)
-    return s._replace(tick=s.tick + 1, pulses=actuation.advance(s.pulses, injector, end_ns))
+    pulses = actuation.advance(s.pulses, p.injector, end_ns)
+    return replace(s, tick=s.tick + 1, pulses=pulses)
 
 
-def _creeps_no_more(p: PlantParams, s: PlantState) -> bool:
-    """Tell whether a motion too damped to have a dead centre has come to its end."""
-    if not s.moving or abs(s.v_m_s) > REST_M_S:
-        return False
-    if isinstance(s.path, Segment) and s.path.regime == UNDERDAMPED:
-        return False
-    inertia = p.engine.mass_kg * abs(acceleration(s.path, s.x_m, s.v_m_s, s.tau_s))
-    damping = s.machine.load_coefficient_n_s_m * abs(s.v_m_s)
-    return inertia + damping <= p.engine.rest_stiffness_n_m * REST_M
+def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: int) -> Ahead:
+    """See what lies ahead in this tick."""
+    start_ns = s.tick * p.period_ns
+    end_ns = until_ns = start_ns + p.period_ns
+    due_s = s.disturbances.due_s
+    due_ns = s.stroke.start_ns + due_s * 1e9
+    if p.engine.splits and now_ns < due_ns < end_ns:
+        until_ns = min(max(round(due_ns), round(now_ns) + 1), end_ns)
+    return Ahead(
+        start_ns=start_ns, end_ns=end_ns, dt_s=p.dt_s, now_ns=now_ns, used_s=used_s,
+        until_ns=until_ns, edge_ns=s.pulses.next_edge_ns, due_s=due_s, due_ns=due_ns,
+        stroke_ns=s.stroke.start_ns, part=part,
+    )  # fmt: skip
+
+
+def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
+    """What this engine is told for its next part of the tick."""
+    if p.engine.ignition == OF_ITS_OWN:
+        fuel_kg, spark_ns = charges.ahead(p, s, ahead.until_ns)
+        return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
+    valves = _levels(s.pulses) if p.engine.ignition == BY_SPARK else _NO_VALVES
+    return Inputs(s.machine, valves, _NO_FUEL, _NO_SPARK)
+
+
+def _levels(pulses: PulseTable) -> tuple[int, ...]:
+    """Level of each valve line, -1 before its first pulse."""
+    levels = []
+    for line in pulses.lines[VALVES:]:
+        used = line.open is not None or line.last is not None
+        levels.append(int(line.open is not None) if used else -1)
+    return tuple(levels)
+
+
+def _arrive(
+    p: PlantParams, s: PlantState, it: Moved, held: Held, events: list[Event]
+) -> PlantState:
+    """Do what there is to be done where the engine has come to."""
+    if it.stop is not None:
+        return end_stroke(p, s, it.motion, it.stop, round(it.t_ns), held, events)
+    s = moved(p, s, it.motion, round(it.t_ns), events)
+    if it.at_edge:
+        s = _pass_edge(p, s, events)
+    if it.at_due:
+        s = take_due(p, s, round(it.t_ns), held, events)
+    return s
+
+
+def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Let the lines change their levels; a spark lights its charge at once."""
+    before = s.pulses.spark_ns
+    pulses = actuation.advance(s.pulses, p.injector, s.pulses.next_edge_ns)
+    s = replace(s, pulses=pulses)
+    for side in (charges.LEFT, charges.RIGHT):
+        if pulses.spark_ns[side] > before[side]:
+            s = charges.spark(p, s, side, events)
+    return s

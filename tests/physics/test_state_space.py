@@ -8,6 +8,7 @@ import pytest
 
 from hil.errors import ConfigError, MissingExtraError
 from hil.prototypes import NU
+from plant.engines.fast.constants import constants_of
 from plant.engines.fast.state_space import (
     LinearModel,
     as_control_system,
@@ -20,9 +21,8 @@ from plant.engines.fast.state_space import (
     state_space,
     transfer_function,
 )
-from plant.params import engine_of
 
-ENGINE = engine_of(NU, "harmonic")
+ENGINE = constants_of(NU, "harmonic")
 RUNNING = linear_model(ENGINE, 2.8185e-6, 810.0)
 
 

@@ -86,7 +86,7 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
         x, v = original(path, tau)
         return (nudge(x) if calls == 333 else x), v
 
-    monkeypatch.setattr("plant.step.evaluate", nudged)
+    monkeypatch.setattr("plant.engines.fast.model.evaluate", nudged)
     outcome = replayed(run_directory / "plant.mcap")
     assert outcome.different == 1  # the closed form does not build on the position before
     (difference,) = [d for d in outcome.found.differences if d.topic == "/truth"]

@@ -14,7 +14,7 @@ from controller.trimming import refusal
 from hil.config.load import build, read_toml, with_override
 from hil.errors import ConfigError
 from hil.prototypes import NU
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 REF, LOAD = 0.0155, 810.0
 SLACK_MM = 0.012
@@ -34,7 +34,7 @@ def errors_mm(course, ref_m=REF):
 
 
 def bound_of(cell, knowledge):
-    return step_bound(engine_of(NU, cell.model), REF, LOAD, cell.load, cell.fraction, knowledge)
+    return step_bound(constants_of(NU, cell.model), REF, LOAD, cell.load, cell.fraction, knowledge)
 
 
 @pytest.mark.parametrize("cell", tune.CELLS, ids=str)

@@ -16,14 +16,14 @@ from controller.laws.engine_map import (
     travel,
 )
 from hil.prototypes import BIT, NU
+from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
-from plant.params import engine_of
 
 LOAD, REF = 810.0, 0.0155
 
 
 def point_of(prototype, model):
-    engine = engine_of(prototype, model)
+    engine = constants_of(prototype, model)
     ref, load = prototype.tdc_ref_m, prototype.load_coefficient_n_s_m
     fuel = fuel_for_tdc(engine, ref, load)
     cycle = limit_cycle(engine, fuel, load)

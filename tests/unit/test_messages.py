@@ -7,7 +7,8 @@ from controller.start_restart import Mode
 from hil import messages
 from hil.generate import FRAME_BITS_MAX, frames_per_tick
 from hil.signals import LAYOUTS
-from plant.rig import actuation, machine
+from plant.engines import machine
+from plant.rig import actuation
 
 
 def test_a_tick_has_at_most_six_frames_in_both_directions_together():

@@ -1,9 +1,9 @@
 """Commands that act later than the wire's one tick."""
 
 from hil.config.plant import PlantConfig
-from plant.params import plant_params
+from plant.build import plant_params
+from plant.engines.machine import GENERATOR, MachineOrder
 from plant.rig.beginning import initial_state
-from plant.rig.machine import GENERATOR, MachineOrder
 from plant.rig.state import Command
 from plant.rig.step import step
 

@@ -8,7 +8,7 @@ from bench.resolve import resolve
 from bench.scenarios import read
 from hil.errors import ConfigError
 from plant import faults
-from plant.main import make_params
+from plant.build import make_params
 from plant.rig.beginning import initial_state
 from plant.rig.state import Command
 from plant.rig.step import step

@@ -8,11 +8,12 @@ from hil import topics
 from hil.config.plant import MisfireEvent, PlantConfig
 from hil.errors import ConfigError
 from hil.prototypes import NU
-from plant.params import plant_params
+from plant.build import plant_params
+from plant.engines.machine import GENERATOR, MOTOR, OFF, MachineOrder
+from plant.log import truth
 from plant.rig.actuation import PulseOrder
 from plant.rig.beginning import initial_state
-from plant.rig.machine import GENERATOR, MOTOR, OFF, MachineOrder
-from plant.rig.state import Command, truth
+from plant.rig.state import Command
 from plant.rig.step import step
 
 FUEL = 2.8185e-6
@@ -26,7 +27,7 @@ def params(model="harmonic", period_ns=1_000_000, events=None, **config):
 
 
 def settled(p):
-    return initial_state(p, STARTING_FUEL.get(p.engine.model, FUEL))[0]
+    return initial_state(p, STARTING_FUEL.get(p.engine.constants.model, FUEL))[0]
 
 
 def run(p, state, command, ticks):

@@ -9,8 +9,9 @@ of the segment, so nothing depends on the tick's length.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import final
 
+from hil.values import Value
 from plant.engines.fast.roots import falling_zero
 
 NO_STOP = 0
@@ -27,22 +28,44 @@ UNDAMPED_BELOW_N_S_M = 1.0e-5
 _CRITICAL_BAND = 1.0e-14
 
 
-class Segment(NamedTuple):
+@final
+class Segment(Value):
     """Coefficients of one exact solution: transient about `centre_m`, plus the forced part."""
 
-    start_s: float
-    decay: float
-    omega_d: float
-    regime: int
-    y: float
-    y_sine: float
-    w: float
-    w_sine: float
-    centre_m: float
-    omega: float
-    g: float
-    h: float
-    omega_sq: float
+    __slots__ = (
+        "start_s", "decay", "omega_d", "regime", "y", "y_sine", "w", "w_sine", "centre_m", "omega",
+        "g", "h", "omega_sq",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        start_s: float,
+        decay: float,
+        omega_d: float,
+        regime: int,
+        y: float,
+        y_sine: float,
+        w: float,
+        w_sine: float,
+        centre_m: float,
+        omega: float,
+        g: float,
+        h: float,
+        omega_sq: float,
+    ) -> None:
+        self.start_s = start_s
+        self.decay = decay
+        self.omega_d = omega_d
+        self.regime = regime
+        self.y = y
+        self.y_sine = y_sine
+        self.w = w
+        self.w_sine = w_sine
+        self.centre_m = centre_m
+        self.omega = omega
+        self.g = g
+        self.h = h
+        self.omega_sq = omega_sq
 
 
 def segment(
@@ -76,8 +99,9 @@ def segment(
     y_sine = (w + decay * y) / scale
     w_sine = (decay * w + omega_sq * y) / scale
     return Segment(
-        tau, decay, omega_d, regime, y, y_sine, w, w_sine, force_n / k, omega, g, h, omega_sq
-    )
+        start_s=tau, decay=decay, omega_d=omega_d, regime=regime, y=y, y_sine=y_sine, w=w,
+        w_sine=w_sine, centre_m=force_n / k, omega=omega, g=g, h=h, omega_sq=omega_sq,
+    )  # fmt: skip
 
 
 def half_cosine(omega: float, x: float, x_end: float) -> Segment:
@@ -85,8 +109,9 @@ def half_cosine(omega: float, x: float, x_end: float) -> Segment:
     centre = 0.5 * (x + x_end)
     y = x - centre
     return Segment(
-        0.0, 0.0, omega, UNDERDAMPED, y, 0.0, 0.0, omega * y, centre, omega, 0.0, 0.0, omega * omega
-    )
+        start_s=0.0, decay=0.0, omega_d=omega, regime=UNDERDAMPED, y=y, y_sine=0.0, w=0.0,
+        w_sine=omega * y, centre_m=centre, omega=omega, g=0.0, h=0.0, omega_sq=omega * omega,
+    )  # fmt: skip
 
 
 def _regime(decay: float, omega_sq: float) -> tuple[int, float]:
@@ -101,18 +126,19 @@ def _regime(decay: float, omega_sq: float) -> tuple[int, float]:
 
 def evaluate(path: Segment, tau: float) -> tuple[float, float]:
     """Return (x [m], v [m/s]) at tau."""
-    start, decay, omega_d, regime, y, y_sine, w, w_sine, centre, omega, g, h, _ = path
-    s = tau - start
-    if regime == UNDERDAMPED:
-        phase = omega_d * s
-        e = math.exp(-decay * s)
+    s = tau - path.start_s
+    if path.regime == UNDERDAMPED:
+        phase = path.omega_d * s
+        e = math.exp(-path.decay * s)
         cos = e * math.cos(phase)
         sin = e * math.sin(phase)
     else:
-        cos, sin = _aperiodic(decay, omega_d, regime, s)
-    x = centre + y * cos + y_sine * sin
-    v = w * cos - w_sine * sin
-    if g or h:
+        cos, sin = _aperiodic(path, s)
+    x = path.centre_m + path.y * cos + path.y_sine * sin
+    v = path.w * cos - path.w_sine * sin
+    g, h = path.g, path.h
+    if g != 0.0 or h != 0.0:
+        omega = path.omega
         phase = omega * tau
         cos = math.cos(phase)
         grown = g + h * tau
@@ -121,9 +147,10 @@ def evaluate(path: Segment, tau: float) -> tuple[float, float]:
     return x, v
 
 
-def _aperiodic(decay: float, rate: float, regime: int, s: float) -> tuple[float, float]:
+def _aperiodic(path: Segment, s: float) -> tuple[float, float]:
     """Return e^(-decay s) times (cosh, sinh) of rate s, or (1, s) when critical."""
-    if regime == CRITICAL:
+    decay, rate = path.decay, path.omega_d
+    if path.regime == CRITICAL:
         e = math.exp(-decay * s)
         return e, e * s
     slow = math.exp((rate - decay) * s)

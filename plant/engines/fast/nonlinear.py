@@ -7,9 +7,11 @@ with the exponent of 5.18 and 5.19 corrected to gamma.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import final
 
+from hil.values import Value
 from plant.engines.fast.linear import CONTACT, DEAD_CENTRE, NO_STOP
+from plant.engines.fast.roots import falling_zero
 
 # The gas force is unbounded at the head itself, so the piston counts as touching it here.
 CONTACT_GAP_M = 1.0e-4
@@ -21,27 +23,40 @@ _MIN_STEP_S = 1.0e-9
 _TIME_TOLERANCE_S = 1.0e-13
 
 
-class GasPath(NamedTuple):
+@final
+class GasPath(Value):
     """Coefficients of x'' = left (Ls+x)^-gamma - right (Ls-x)^-gamma - damping x' + push."""
 
-    left: float
-    right: float
-    exponent: float
-    damping: float
-    push: float
-    half_stroke_m: float
+    __slots__ = ("left", "right", "exponent", "damping", "push", "half_stroke_m")
+
+    def __init__(
+        self,
+        left: float,
+        right: float,
+        exponent: float,
+        damping: float,
+        push: float,
+        half_stroke_m: float,
+    ) -> None:
+        self.left = left
+        self.right = right
+        self.exponent = exponent
+        self.damping = damping
+        self.push = push
+        self.half_stroke_m = half_stroke_m
 
 
 def acceleration(path: GasPath, x: float, v: float) -> float:
     """Return x'' at (x, v)."""
-    left, right, exponent, damping, push, half_stroke = path
-    a = left * (half_stroke + x) ** exponent - right * (half_stroke - x) ** exponent
-    return float(a - damping * v + push)
+    n, size = path.exponent, path.half_stroke_m
+    a = path.left * (size + x) ** n - path.right * (size - x) ** n
+    return float(a - path.damping * v + path.push)
 
 
 def rk4(path: GasPath, x: float, v: float, h: float) -> tuple[float, float]:
     """Advance (x, v) by h with the classical Runge-Kutta formula of order four."""
-    left, right, n, d, push, size = path
+    left, right, n = path.left, path.right, path.exponent
+    d, push, size = path.damping, path.push, path.half_stroke_m
     half = 0.5 * h
     a1 = left * (size + x) ** n - right * (size - x) ** n - d * v + push
     x2, v2 = x + half * v, v + half * a1
@@ -93,30 +108,21 @@ def _step(half_stroke_m: float, x: float, v: float, left: float) -> float:
 
 
 def _dead_centre(path: GasPath, x: float, v: float, high: float, direction: int) -> float:
-    """Find h with v(h) = 0: Newton's rule on the integrator's own step, inside a bracket."""
-    low, h = 0.0, high
-    for _ in range(60):
+    """Find h with v(h) = 0, h a step of the integrator's own."""
+
+    def speed(h: float) -> tuple[float, float]:
         x1, v1 = rk4(path, x, v, h)
-        low, high = (h, high) if v1 * direction > 0.0 else (low, h)
-        a1 = acceleration(path, x1, v1)
-        newton = h - v1 / a1 if a1 * direction < 0.0 else low
-        following = newton if low < newton < high else 0.5 * (low + high)
-        if abs(following - h) <= _TIME_TOLERANCE_S:
-            return following
-        h = following
-    return h
+        return v1 * direction, acceleration(path, x1, v1) * direction
+
+    return falling_zero(speed, 0.0, high, _TIME_TOLERANCE_S)
 
 
 def _contact(path: GasPath, x: float, v: float, high: float, limit_m: float) -> float:
     """Find h with x(h) at the contact position."""
     direction = 1 if limit_m > 0.0 else -1
-    low, h = 0.0, high
-    for _ in range(60):
+
+    def gap(h: float) -> tuple[float, float]:
         x1, v1 = rk4(path, x, v, h)
-        low, high = (h, high) if (limit_m - x1) * direction > 0.0 else (low, h)
-        newton = h + (limit_m - x1) / v1 if v1 * direction > 0.0 else low
-        following = newton if low < newton < high else 0.5 * (low + high)
-        if abs(following - h) <= _TIME_TOLERANCE_S:
-            return following
-        h = following
-    return h
+        return (limit_m - x1) * direction, -v1 * direction
+
+    return falling_zero(gap, 0.0, high, _TIME_TOLERANCE_S)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from plant.engines.fast import linear, nonlinear
-from plant.engines.fast.combustion import Stroke, force_n, sine_force_n, stiffness_n_m
+from plant.engines.fast.combustion import Burn, force_n, sine_force_n, stiffness_n_m
+from plant.engines.fast.constants import Constants
 from plant.engines.fast.linear import NO_STOP, UNDAMPED_BELOW_N_S_M, Segment
 from plant.engines.fast.nonlinear import GasPath
-from plant.params import Engine
 
 CLOSED_FORM = "closed-form"
 HARMONIC = "harmonic"
@@ -21,43 +21,43 @@ Path = Segment | GasPath
 _SEARCH_STEPS = 16 * 40
 
 
-def latches(engine: Engine, energy_j: float, c: float, force: float) -> bool:
+def latches(constants: Constants, energy_j: float, c: float, force: float) -> bool:
     """Tell whether the stroke now starting is one of eq. 5.60, settled by its dead centre."""
     generating = c > UNDAMPED_BELOW_N_S_M and force == 0.0
-    return engine.model == CLOSED_FORM and energy_j > 0.0 and generating
+    return constants.model == CLOSED_FORM and energy_j > 0.0 and generating
 
 
 def path_of(
-    engine: Engine, stroke: Stroke, c: float, force: float, *, x: float, v: float, tau: float
+    constants: Constants, burn: Burn, c: float, force: float, *, x: float, v: float, tau: float
 ) -> Path:
     """Make the path from (x, v) at tau on, with damping c and constant force.
 
     Parameters: tau : float, time since the stroke's start [s]
     """
-    energy = stroke.energy_j
-    if engine.model == NONLINEAR:
-        return gas_path(engine, stroke, c, force)
-    k = stiffness_n_m(engine, energy)
-    if stroke.latched:
-        omega = math.sqrt(k / engine.mass_kg)
-        x_end = stroke.direction * sine_force_n(engine, energy) / (c * omega)
+    energy = burn.energy_j
+    if constants.model == NONLINEAR:
+        return gas_path(constants, burn, c, force)
+    k = stiffness_n_m(constants, energy)
+    if burn.latched:
+        omega = math.sqrt(k / constants.mass_kg)
+        x_end = burn.direction * sine_force_n(constants, energy) / (c * omega)
         return linear.half_cosine(omega, x, x_end)
     sine = 0.0
-    if engine.model == RECTANGULAR:
-        force += stroke.direction * force_n(engine, energy)
+    if constants.model == RECTANGULAR:
+        force += burn.direction * force_n(constants, energy)
     else:
-        sine = stroke.direction * sine_force_n(engine, energy)
-    return linear.segment(engine.mass_kg, c, k, force_n=force, sine_n=sine, x=x, v=v, tau=tau)
+        sine = burn.direction * sine_force_n(constants, energy)
+    return linear.segment(constants.mass_kg, c, k, force_n=force, sine_n=sine, x=x, v=v, tau=tau)
 
 
-def gas_path(engine: Engine, stroke: Stroke, c: float, force: float) -> GasPath:
+def gas_path(constants: Constants, burn: Burn, c: float, force: float) -> GasPath:
     """A p0 Ls^gamma, plus E Ls^(gamma-1) on the side that fired     (thesis eqs. 5.21, 5.22)."""
-    gamma, size, m = engine.gamma, engine.half_stroke_m, engine.mass_kg
-    spring = engine.area_m2 * engine.p0_pa * size**gamma / m
-    burnt = stroke.energy_j * size ** (gamma - 1.0) / m
-    left = spring + (burnt if stroke.direction > 0 else 0.0)
-    right = spring + (burnt if stroke.direction < 0 else 0.0)
-    return GasPath(left, right, -gamma, c / m, force / m, size)
+    gamma, size, m = constants.gamma, constants.half_stroke_m, constants.mass_kg
+    spring = constants.area_m2 * constants.p0_pa * size**gamma / m
+    burnt = burn.energy_j * size ** (gamma - 1.0) / m
+    left = spring + (burnt if burn.direction > 0 else 0.0)
+    right = spring + (burnt if burn.direction < 0 else 0.0)
+    return GasPath(left, right, -gamma, damping=c / m, push=force / m, half_stroke_m=size)
 
 
 def advance(
@@ -79,29 +79,29 @@ def acceleration(path: Path, x: float, v: float, tau: float) -> float:
     return nonlinear.acceleration(path, x, v)
 
 
-def net_force_n(engine: Engine, x: float, force: float) -> float:
+def net_force_n(constants: Constants, x: float, force: float) -> float:
     """Force on a piston at rest at x: the two air springs and the machine."""
-    if engine.model != NONLINEAR:
-        return force - engine.rest_stiffness_n_m * x
-    size = engine.half_stroke_m
-    spring = engine.area_m2 * engine.p0_pa * size**engine.gamma
-    left, right = (size + x) ** -engine.gamma, (size - x) ** -engine.gamma
+    if constants.model != NONLINEAR:
+        return force - constants.rest_stiffness_n_m * x
+    size = constants.half_stroke_m
+    spring = constants.area_m2 * constants.p0_pa * size**constants.gamma
+    left, right = (size + x) ** -constants.gamma, (size - x) ** -constants.gamma
     return float(spring * (left - right) + force)
 
 
 def remaining_s(
-    engine: Engine, stroke: Stroke, path: Path, *, x: float, v: float, tau: float
+    constants: Constants, burn: Burn, path: Path, *, x: float, v: float, tau: float
 ) -> float:
     """Time until this stroke ends if nothing disturbs it.
 
     A motion that creeps to rest has no end; it counts as half a period of the air springs.
     """
-    omega = math.sqrt(stiffness_n_m(engine, stroke.energy_j) / engine.mass_kg)
+    omega = math.sqrt(stiffness_n_m(constants, burn.energy_j) / constants.mass_kg)
     part = math.pi / omega / 16.0
     total = 0.0
     for _ in range(_SEARCH_STEPS):
         x, v, used, stop = advance(
-            path, x, v, tau, part, direction=stroke.direction, contact_m=engine.contact_m
+            path, x, v, tau, part, direction=burn.direction, contact_m=constants.contact_m
         )
         total += used
         tau += used

@@ -1,4 +1,4 @@
-"""The instant at which a smooth function of time falls through zero."""
+"""Where a function falls through zero: by Newton's rule with its slope, or by halving without."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ TIME_TOLERANCE_S = 1.0e-14
 _MAX_ITERATIONS = 100
 
 
-def falling_zero(f: Callable[[float], tuple[float, float]], low: float, high: float) -> float:
+def falling_zero(
+    f: Callable[[float], tuple[float, float]],
+    low: float,
+    high: float,
+    tolerance: float = TIME_TOLERANCE_S,
+) -> float:
     """Locate f(t) = 0 in (low, high], f positive behind `low` and not positive at `high`.
 
-    Newton's rule, kept inside the bracket by bisection, to about 1e-14 s.
+    Newton's rule, kept inside the bracket by bisection.
 
     Parameters: f : t [s] -> (value, slope)
     """
@@ -24,7 +29,20 @@ def falling_zero(f: Callable[[float], tuple[float, float]], low: float, high: fl
             high = t
         newton = t - value / slope if slope < 0.0 else low
         following = newton if low < newton < high else 0.5 * (low + high)
-        if abs(following - t) <= TIME_TOLERANCE_S or high - low <= TIME_TOLERANCE_S:
+        if abs(following - t) <= tolerance:
             return following if following > low else high
         t = following
     return high
+
+
+def bisect(f: Callable[[float], float], low: float, high: float) -> float:
+    """Find the zero of f in [low, high], f positive at low and not positive at high."""
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        if f(middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from hil.errors import ConfigError, MissingExtraError
 from plant.engines.fast.combustion import energy_j, stiffness_n_m
+from plant.engines.fast.constants import Constants
 from plant.engines.fast.linear import evaluate, segment
-from plant.params import Engine
 
 if TYPE_CHECKING:
     import control
@@ -42,15 +42,17 @@ class LinearModel(NamedTuple):
     stiffness_n_m: float
 
 
-def linear_model(engine: Engine, fuel_kg: float, load_coefficient_n_s_m: float) -> LinearModel:
+def linear_model(
+    constants: Constants, fuel_kg: float, load_coefficient_n_s_m: float
+) -> LinearModel:
     """Linearise the engine about mid-stroke; no fuel gives the unfired engine.
 
     Raises: ConfigError when fuel or load is negative
     """
     if fuel_kg < 0.0 or load_coefficient_n_s_m < 0.0:
         raise ConfigError("linear model: fuel and load coefficient must not be negative")
-    k = stiffness_n_m(engine, energy_j(engine, fuel_kg))
-    return LinearModel(engine.mass_kg, load_coefficient_n_s_m, k)
+    k = stiffness_n_m(constants, energy_j(constants, fuel_kg))
+    return LinearModel(constants.mass_kg, load_coefficient_n_s_m, k)
 
 
 def state_space(model: LinearModel) -> StateSpace:
