@@ -58,7 +58,7 @@ def _differ(a: Machine, b: Machine) -> bool:
 def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Move through a tick from one instant of note to the next."""
     held = Held(s.x_m, s.v_m_s)
-    now_ns: float = s.tick * p.period_ns
+    now_ns = float(s.tick * p.period_ns)
     used_s, part, at_end = 0.0, 0, False
     while not at_end:
         ahead = _ahead(p, s, now_ns, used_s, part)
