@@ -22,9 +22,9 @@ from plant.engines.detailed.solver import advance, scratch
 SYMBOL: Final = "fpeg_advance"
 _CPU: Final = {"x86_64": "x86-64", "aarch64": "generic"}
 _INDICES: Final = (
-    "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION", "DC_T", "DC_X",
-    "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P", "CYL_P_STRIDE", "SIGN",
-    "AREA", "LENGTH",
+    "TIME_UP", "FAILED", "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION",
+    "DC_T", "DC_X", "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P",
+    "CYL_P_STRIDE", "SIGN", "AREA", "LENGTH",
 )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 from bench.fmu_description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
+from plant.engines.fast import shared
 from plant.engines.fast.constants import constants_of
 from plant.engines.fmu.archive import library
 from plant.engines.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
@@ -86,7 +87,8 @@ def export(out: Path, model: str, prototype: str, version: int) -> Exported:
 
 
 def _fast(version: int) -> Ingredients:
-    return Ingredients(_read_sources("engine.c", version), {}, open=True)
+    sources = _read_sources("engine.c", version) | {"constants.h": shared.header()}
+    return Ingredients(sources, {}, open=True)
 
 
 def _detailed(config: PlantConfig, version: int) -> Ingredients:

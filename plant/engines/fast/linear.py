@@ -9,23 +9,23 @@ of the segment, so nothing depends on the tick's length.
 from __future__ import annotations
 
 import math
-from typing import final
+from typing import Final, final
 
 from hil.values import Value
 from plant.engines.fast.roots import falling_zero
 
-NO_STOP = 0
-DEAD_CENTRE = 1
-CONTACT = 2
+NO_STOP: Final = 0
+DEAD_CENTRE: Final = 1
+CONTACT: Final = 2
 
-UNDERDAMPED = 0
-CRITICAL = 1
-OVERDAMPED = 2
+UNDERDAMPED: Final = 0
+CRITICAL: Final = 1
+OVERDAMPED: Final = 2
 
 # Below this load F0/(c omega) grows so large that its difference from the transient loses more
 # digits than leaving the damping out of the forced part costs.
-UNDAMPED_BELOW_N_S_M = 1.0e-5
-_CRITICAL_BAND = 1.0e-14
+UNDAMPED_BELOW_N_S_M: Final = 1.0e-5
+CRITICAL_BAND: Final = 1.0e-14
 
 
 @final
@@ -117,9 +117,9 @@ def half_cosine(omega: float, x: float, x_end: float) -> Segment:
 def _regime(decay: float, omega_sq: float) -> tuple[int, float]:
     """Tell the kind of transient and its rate: omega_d, or sqrt(decay^2 - omega^2)."""
     rest = omega_sq - decay * decay
-    if rest > _CRITICAL_BAND * omega_sq:
+    if rest > CRITICAL_BAND * omega_sq:
         return UNDERDAMPED, math.sqrt(rest)
-    if rest < -_CRITICAL_BAND * omega_sq:
+    if rest < -CRITICAL_BAND * omega_sq:
         return OVERDAMPED, math.sqrt(-rest)
     return CRITICAL, 0.0
 

@@ -28,12 +28,12 @@ from plant.engines.protocol import (
 )
 
 # Smaller than this from its equilibrium, and slower, an unfired piston is at rest.
-_REST_M: Final = 1.0e-6
-_REST_M_S: Final = 1.0e-3
+REST_M: Final = 1.0e-6
+REST_M_S: Final = 1.0e-3
 # Bounces against a head shrink without end; after this many parts of a tick the piston rests.
-_MOST_PARTS: Final = 32
+MOST_PARTS: Final = 32
 # Volume at the head itself is nought; pressures are told as at this distance from it.
-_NEAREST_M: Final = 1.0e-4
+NEAREST_M: Final = 1.0e-4
 
 
 @final
@@ -61,7 +61,7 @@ class FastEngine(Engine):
     def __init__(self, constants: Constants, load_coefficient_n_s_m: float) -> None:
         super().__init__(load_coefficient_n_s_m, AT_DEAD_CENTRE)
         self.constants = constants
-        self._slack_n = constants.rest_stiffness_n_m * _REST_M
+        self._slack_n = constants.rest_stiffness_n_m * REST_M
 
     def begin(self, charge: Charge | None, load_n_s_m: float) -> Motion:
         """Begin at rest at mid-stroke, or come to the left dead centre of the settled motion.
@@ -94,7 +94,7 @@ class FastEngine(Engine):
     def advance(self, m: Motion, inputs: Inputs, ahead: Ahead) -> Moved:
         """Move on to the next dead centre or contact, to what is due, or to the tick's end."""
         left = ahead.dt_s - ahead.used_s
-        if ahead.part >= _MOST_PARTS:
+        if ahead.part >= MOST_PARTS:
             rest = _resting(m, m.tau_s + ahead.dt_s - ahead.used_s)
             return Moved(rest, ahead.start_ns, ahead.dt_s, None, False, False, True)
         wait = max(ahead.due_s - m.tau_s, 0.0)
@@ -151,7 +151,7 @@ class FastEngine(Engine):
         c, force = machine.load_coefficient_n_s_m, machine.force_n
         burn = Burn(-before, energy, paths.latches(self.constants, energy, c, force))
         pinned = net * before > 0.0 if stop.contacts else abs(net) <= self._slack_n
-        if energy == 0.0 and pinned and abs(m.v_m_s) <= _REST_M_S:
+        if energy == 0.0 and pinned and abs(m.v_m_s) <= REST_M_S:
             return self._on_path(Motion(m.x_m, 0.0, 0.0, False, 0, None), burn, machine)
         v = 0.0 if burn.latched else m.v_m_s
         return self._on_path(Motion(m.x_m, v, 0.0, True, burn.direction, None), burn, machine)
@@ -181,8 +181,8 @@ class FastEngine(Engine):
         """
         k, burn = self.constants, _state(m).burn
         size, gamma = k.half_stroke_m, k.gamma
-        left = (size / max(size + m.x_m, _NEAREST_M)) ** gamma
-        right = (size / max(size - m.x_m, _NEAREST_M)) ** gamma
+        left = (size / max(size + m.x_m, NEAREST_M)) ** gamma
+        right = (size / max(size - m.x_m, NEAREST_M)) ** gamma
         burnt = burn.energy_j / (k.area_m2 * size)
         p_left = k.p0_pa + (burnt if burn.direction > 0 else 0.0)
         p_right = k.p0_pa + (burnt if burn.direction < 0 else 0.0)
@@ -198,7 +198,7 @@ class FastEngine(Engine):
 
     def _creeps_no_more(self, m: Motion, machine: Machine) -> bool:
         """Tell whether a motion too damped to have a dead centre has come to its end."""
-        if not m.moving or abs(m.v_m_s) > _REST_M_S:
+        if not m.moving or abs(m.v_m_s) > REST_M_S:
             return False
         path = _state(m).path
         if isinstance(path, Segment) and path.regime == UNDERDAMPED:

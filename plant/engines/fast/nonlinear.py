@@ -7,20 +7,20 @@ with the exponent of 5.18 and 5.19 corrected to gamma.
 
 from __future__ import annotations
 
-from typing import final
+from typing import Final, final
 
 from hil.values import Value
 from plant.engines.fast.linear import CONTACT, DEAD_CENTRE, NO_STOP
 from plant.engines.fast.roots import falling_zero
 
 # The gas force is unbounded at the head itself, so the piston counts as touching it here.
-CONTACT_GAP_M = 1.0e-4
+CONTACT_GAP_M: Final = 1.0e-4
 # Step per metre of the nearer gap: the gas spring stiffens as 1/gap^(gamma + 1), see docs/model.md.
-STEP_PER_GAP_S_M = 0.020
-_MAX_STEP_S = 5.0e-4
-_GAP_SHARE = 0.25
-_MIN_STEP_S = 1.0e-9
-_TIME_TOLERANCE_S = 1.0e-13
+STEP_PER_GAP_S_M: Final = 0.020
+MAX_STEP_S: Final = 5.0e-4
+GAP_SHARE: Final = 0.25
+MIN_STEP_S: Final = 1.0e-9
+STEP_TOLERANCE_S: Final = 1.0e-13
 
 
 @final
@@ -98,9 +98,9 @@ def advance(
 def _step(half_stroke_m: float, x: float, v: float, left: float) -> float:
     """Choose a step the local stiffness allows, that crosses a quarter of the gap at most."""
     gap = half_stroke_m - abs(x)
-    h = min(STEP_PER_GAP_S_M * gap, _MAX_STEP_S)
-    if abs(v) * h > _GAP_SHARE * gap:
-        h = max(_GAP_SHARE * gap / abs(v), _MIN_STEP_S)
+    h = min(STEP_PER_GAP_S_M * gap, MAX_STEP_S)
+    if abs(v) * h > GAP_SHARE * gap:
+        h = max(GAP_SHARE * gap / abs(v), MIN_STEP_S)
     if h >= left:
         return left
     # Two equal steps rather than a whole one and a crumb.
@@ -114,7 +114,7 @@ def _dead_centre(path: GasPath, x: float, v: float, high: float, direction: int)
         x1, v1 = rk4(path, x, v, h)
         return v1 * direction, acceleration(path, x1, v1) * direction
 
-    return falling_zero(speed, 0.0, high, _TIME_TOLERANCE_S)
+    return falling_zero(speed, 0.0, high, STEP_TOLERANCE_S)
 
 
 def _contact(path: GasPath, x: float, v: float, high: float, limit_m: float) -> float:
@@ -125,4 +125,4 @@ def _contact(path: GasPath, x: float, v: float, high: float, limit_m: float) -> 
         x1, v1 = rk4(path, x, v, h)
         return (limit_m - x1) * direction, -v1 * direction
 
-    return falling_zero(gap, 0.0, high, _TIME_TOLERANCE_S)
+    return falling_zero(gap, 0.0, high, STEP_TOLERANCE_S)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
-TIME_TOLERANCE_S = 1.0e-14
-_MAX_ITERATIONS = 100
+TIME_TOLERANCE_S: Final = 1.0e-14
+MOST_ITERATIONS: Final = 100
 
 
 def falling_zero(
@@ -21,7 +22,7 @@ def falling_zero(
     Parameters: f : t [s] -> (value, slope)
     """
     t = high
-    for _ in range(_MAX_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         value, slope = f(t)
         if value > 0.0:
             low = t

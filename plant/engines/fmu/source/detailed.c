@@ -1,7 +1,7 @@
 /* A detailed engine around the compiled step of plant/engines/detailed/solver.py.
 
-   What plant/engines/detailed/plant.py does with orders, sparks and dead centres. The step itself comes as
-   an object file, made by the same compiler from the same source as the plant's own. */
+   What plant/engines/detailed/model.py does with machine, sparks and dead centres. The step itself
+   comes as an object file, made by the same compiler from the same source as the plant's own. */
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -12,8 +12,6 @@
 
 #define P(name) (e->reals[name])
 #define CYLINDER(side) (AT_CYL + (side) * AT_CYL_STRIDE)
-
-enum { TIME_UP, DEAD_CENTRE, CONTACT, AT_POSITION, FAILED };
 
 enum { RECORDS = 8 };
 static const double SECOND_NS = 1.0e9;
@@ -103,10 +101,10 @@ static int move(Engine *e, double until) {
     for (;;) {
         int64_t what = fpeg_advance(CONSTANTS, s->d, s->y, PROGRAMME, PROGRAMME_ROWS,
                                     PROGRAMME_COLUMNS, work, record, RECORDS, until, 1);
-        if (what == FAILED) {
+        if (what == AT_FAILED) {
             return 1;
         }
-        if (what == TIME_UP) {
+        if (what == AT_TIME_UP) {
             return 0;
         }
         pass_dead_centre(e);

@@ -1,25 +1,16 @@
-/* The plant's step in C, operation for operation, so that both give the same numbers.
+/* The step of plant/engines/fast in C, operation for operation, so that both give the same numbers.
 
-   plant/engines/fast/linear.py: evaluate, segment; plant/engines/fast/nonlinear.py: rk4; plant/rig/stroke.py: end_stroke;
-   plant/rig/step.py: engine_step. */
+   linear.py: evaluate, segment; nonlinear.py: rk4; model.py: end_stroke, engine_step. Every number
+   that both need comes from there, in constants.h. */
 #include <math.h>
 #include <string.h>
 
+#include "constants.h"
 #include "engine.h"
 
 #define P(name) (e->reals[name])
 
-enum { NO_STOP, DEAD_CENTRE, CONTACT };
-enum { UNDERDAMPED, CRITICAL, OVERDAMPED };
-
 static const double PI = 3.141592653589793;
-static const double UNDAMPED_BELOW_N_S_M = 1.0e-5;
-static const double CRITICAL_BAND = 1.0e-14;
-static const double TIME_TOLERANCE_S = 1.0e-14;
-static const double REST_M = 1.0e-6;
-static const double REST_M_S = 1.0e-3;
-static const double NEAREST_M = 1.0e-4;
-static const int MOST_STOPS = 32;
 
 /* --- what a charge does ------------------------------------------------------------------- */
 
@@ -139,7 +130,7 @@ static void falling(const Path *p, int of_gap, double limit, int direction, doub
 static double falling_zero(const Path *p, int of_gap, double limit, int direction, double low,
                            double high) {
     double t = high;
-    for (int n = 0; n < 100; n++) {
+    for (int n = 0; n < MOST_ITERATIONS; n++) {
         double value, slope, newton, following;
         falling(p, of_gap, limit, direction, t, &value, &slope);
         if (value > 0.0) {
@@ -149,7 +140,7 @@ static double falling_zero(const Path *p, int of_gap, double limit, int directio
         }
         newton = slope < 0.0 ? t - value / slope : low;
         following = low < newton && newton < high ? newton : 0.5 * (low + high);
-        if (fabs(following - t) <= TIME_TOLERANCE_S || high - low <= TIME_TOLERANCE_S) {
+        if (fabs(following - t) <= TIME_TOLERANCE_S) {
             return following > low ? following : high;
         }
         t = following;
@@ -204,9 +195,9 @@ static void rk4(const Path *p, double size, double x, double v, double h, double
 
 static double gas_step(double size, double x, double v, double left) {
     double gap = size - fabs(x);
-    double h = fmin(0.020 * gap, 5.0e-4);
-    if (fabs(v) * h > 0.25 * gap) {
-        h = fmax(0.25 * gap / fabs(v), 1.0e-9);
+    double h = fmin(STEP_PER_GAP_S_M * gap, MAX_STEP_S);
+    if (fabs(v) * h > GAP_SHARE * gap) {
+        h = fmax(GAP_SHARE * gap / fabs(v), MIN_STEP_S);
     }
     if (h >= left) {
         return left;
@@ -218,7 +209,7 @@ static double gas_step(double size, double x, double v, double left) {
 static double gas_stop(const Path *p, double size, double x, double v, double high, int direction,
                        int of_gap, double limit) {
     double low = 0.0, h = high;
-    for (int n = 0; n < 60; n++) {
+    for (int n = 0; n < MOST_ITERATIONS; n++) {
         double x1, v1, newton, following;
         rk4(p, size, x, v, h, &x1, &v1);
         if ((of_gap ? (limit - x1) * direction : v1 * direction) > 0.0) {
@@ -233,7 +224,7 @@ static double gas_stop(const Path *p, double size, double x, double v, double hi
             newton = a1 * direction < 0.0 ? h - v1 / a1 : low;
         }
         following = low < newton && newton < high ? newton : 0.5 * (low + high);
-        if (fabs(following - h) <= 1.0e-13) {
+        if (fabs(following - h) <= STEP_TOLERANCE_S) {
             return following;
         }
         h = following;
@@ -502,7 +493,7 @@ int engine_step(Engine *e, double t, double h) {
     double used = 0.0;
     int stops;
     obey(e);
-    for (stops = 0; stops < MOST_STOPS && used < h; stops++) {
+    for (stops = 0; stops < MOST_PARTS && used < h; stops++) {
         double left = h - used, spent;
         int stop = move(e, left, &spent);
         used = stop == NO_STOP ? h : used + spent;
