@@ -195,7 +195,6 @@ class Engine:
 
     ignition: who decides when a charge burns; valves: how many valve lines it has
     splits: whether it can stop at any instant; every_stroke: whether each stroke is to fire
-    tells_rest: whether its setting off and coming to rest are events
     """
 
     def __init__(
@@ -205,14 +204,12 @@ class Engine:
         valves: int = 0,
         splits: bool = True,
         every_stroke: bool = True,
-        tells_rest: bool = True,
     ) -> None:
         self.load_coefficient_n_s_m = load_coefficient_n_s_m
         self.ignition = ignition
         self.valves = valves
         self.splits = splits
         self.every_stroke = every_stroke
-        self.tells_rest = tells_rest
 
     def begin(self, charge: Charge | None, load_n_s_m: float) -> Motion:
         """Begin at rest without a charge, else where that charge burns in settled running.

@@ -57,7 +57,7 @@ def moved(
 ) -> PlantState:
     """Put a motion in the place of the one before; say when the piston sets off or rests."""
     before = s.motion
-    if motion.moving != before.moving and p.engine.tells_rest:
+    if motion.moving != before.moving:
         if motion.moving:
             events.append(Event(t_ns, IN_MOTION, "the machine moves the piston from rest"))
         else:

@@ -15,10 +15,12 @@ from plant.engines.machine import GENERATOR, MOTOR, MachineOrder
 from plant.engines.protocol import Motion, Moved, Sensed, Stop
 from plant.rig.actuation import PulseOrder
 from plant.rig.beginning import initial_state
+from plant.rig.events import AT_REST, IN_MOTION
 from plant.rig.state import Command
 from plant.rig.step import step
 
 PERIOD_NS = 1_000_000
+PUSH = MachineOrder(MOTOR, 500.0, 0.0)
 BRAKE = MachineOrder(GENERATOR, 0.0, 600.0)
 
 
@@ -125,3 +127,18 @@ def test_a_number_that_python_and_c_share_stands_in_python_alone():
     assert all(name in text for name in names)
     for number in ("1.0e-5", "1.0e-14", "1.0e-6", "0.020", "5.0e-4", "1.0e-13"):
         assert number not in text
+
+
+@pytest.mark.parametrize("model", ["two-stroke", "harmonic"])
+def test_every_engine_tells_when_its_piston_sets_off_and_rests(model):
+    if model == "two-stroke":
+        pytest.importorskip("numba", reason="needs the extra detailed")
+    params = plant_params(PlantConfig(model=model), PERIOD_NS)
+    state, _ = initial_state(params)
+    codes = []
+    for tick in range(1500):
+        state, events = step(params, state, Command(PUSH if tick < 20 else BRAKE))
+        codes += [e.code for e in events]
+    assert codes[0] == IN_MOTION
+    assert codes[1::2] == [AT_REST] * (len(codes) // 2)
+    assert not state.moving

@@ -70,7 +70,7 @@ class DetailedEngine(Engine):
     def __init__(self, calibration: Calibration) -> None:
         lines = 0 if calibration.breathing.ports else _VALVE_LINES
         load = calibration.machine.load_coefficient_n_s_m
-        super().__init__(load, BY_SPARK, valves=lines, tells_rest=False)
+        super().__init__(load, BY_SPARK, valves=lines)
         self.engine = engine_of(calibration, self_timed=False)
         self._work = scratch()
         self._record = np.zeros((_RECORD_ROWS, at.N_REC))
