@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from controller.start_restart import Mode
 from controller.timing import PlannedPulse
-from hil.messages import (
+from hil.wire.messages import (
     GENERATOR,
     MOTOR,
     OFF,

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 
 from controller.estimate import Motion
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 
 _STEP_S = 1.0e-4
 _MOST_STEPS = 250

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 
 _NEWTON_STEPS = 60
 

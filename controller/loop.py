@@ -15,14 +15,15 @@ from controller.start_restart import Mode
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.step import step
 from controller.timing import PlannedPulse
-from hil import snapshot, topics
-from hil.codec import Decoder, Encoder
-from hil.e2e import MAX_DELTA
+from hil import snapshot
 from hil.errors import ConfigError
-from hil.messages import PistonSample, PlantTick
+from hil.log import topics
+from hil.log.records import together
 from hil.pacing import Pacer
 from hil.ports import CommandSource, Link, Recorder, StatusSink
-from hil.records import together
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.messages import PistonSample, PlantTick
 
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""

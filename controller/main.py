@@ -11,11 +11,11 @@ from controller.commands import OperatorCommand
 from controller.duty import Duty
 from controller.loop import ControllerLoop
 from controller.state import initial_state, make_params
-from drivers.clock import SystemClock
-from drivers.effort import Effort
-from drivers.gpio import open_outputs, with_outputs
+from drivers.gpio.link import open_outputs, with_outputs
 from drivers.links import Connection, open_link
-from drivers.process import (
+from drivers.system.clock import SystemClock
+from drivers.system.effort import Effort
+from drivers.system.process import (
     Stop,
     guarded,
     last_words,
@@ -24,14 +24,14 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Service
+from drivers.system.realtime import pin, prepare
+from drivers.system.service import ENDLESS, Service
 from hil import snapshot
 from hil.config.scenario import OperatorEvent, Scenario
 from hil.errors import RunError
 from hil.exchange import await_batch
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
-from hil.realtime import pin, prepare
 
 STATUS_HZ = 10
 SNAPSHOT_HZ = 4

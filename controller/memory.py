@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from controller.plausibility import Credence
 from controller.state import State
-from hil.codec import DecoderMemory
-from hil.messages import PistonSample
+from hil.wire.codec import DecoderMemory
+from hil.wire.messages import PistonSample
 
 
 class LoopMemory(NamedTuple):

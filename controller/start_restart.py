@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Mode(IntEnum):
-    """Operating mode; the numbers are those on the wire (`hil.messages.OPERATING_MODES`)."""
+    """Operating mode; the numbers are those on the wire (`hil.wire.messages.OPERATING_MODES`)."""
 
     OFF = 0
     MOTORING = 1

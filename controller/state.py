@@ -16,8 +16,8 @@ from controller.start_restart import Mode
 from controller.supervisory import SetPoints
 from controller.timing import NO_PLAN, Plan, PlannedPulse
 from hil.config.controller import ControllerConfig
-from hil.messages import Message, PistonSample
-from hil.prototypes import PROTOTYPES, Prototype
+from hil.config.prototypes import PROTOTYPES, Prototype
+from hil.wire.messages import Message, PistonSample
 
 
 class Params(NamedTuple):

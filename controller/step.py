@@ -27,7 +27,7 @@ from controller.start_restart import Mode
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.supervisory import SetPoints
 from controller.timing import NO_PLAN, Plan
-from hil.messages import FIRING_MODES, PistonSample
+from hil.wire.messages import FIRING_MODES, PistonSample
 
 SHORTEST_STROKE = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from controller.knowledge import OperatingPoint, load_for_power, operating_point
 from hil.config.controller import ControllerConfig
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 
 
 class SetPoints(NamedTuple):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from controller.estimate import Motion, seconds_to_dead_centre
 from hil.config.controller import ControllerConfig
-from hil.messages import INJECTOR_LEFT, SPARK_LEFT
+from hil.wire.messages import INJECTOR_LEFT, SPARK_LEFT
 
 _US = 1000
 

@@ -15,8 +15,8 @@ from controller.laws.interface import Demand, Handover, TickFacts, Watch
 from controller.supervisory import SetPoints, initial
 from controller.timing import Plan
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import Prototype
 from hil.errors import ConfigError
-from hil.prototypes import Prototype
 
 
 class Trimmed(NamedTuple):

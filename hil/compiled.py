@@ -25,12 +25,12 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py",
+    "hil/wire/codec.py", "hil/wire/e2e.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py",
     "controller/*.py", "controller/laws/*.py",
-    "drivers/memory_link.py", "drivers/ring.py", "drivers/polling.py", "drivers/can_assembly.py",
-    "bench/offline.py",
+    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py", "drivers/can/assembly.py",
+    "bench/run/offline.py",
 )  # fmt: skip
 _START_UP: Final = ("__init__.py", "main.py", "commands.py")
 """Not worth it, and read once."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final, final
 
-from hil.codec import Decoder, DecoderMemory
-from hil.e2e import MAX_DELTA
-from hil.messages import FIRING_MODES, ControllerTick, MachineCommand, Message, Pulse
 from hil.ports import Link
 from hil.values import Value
+from hil.wire.codec import Decoder, DecoderMemory
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.messages import FIRING_MODES, ControllerTick, MachineCommand, Message, Pulse
 from plant.engines.machine import MachineOrder
 from plant.rig.actuation import PulseOrder
 from plant.rig.state import AS_BEFORE, Command

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil import topics
-from hil.messages import PULSE_CLOCK_US
+from hil.log import topics
+from hil.log.records import together
 from hil.pacing import Slot
-from hil.records import together
+from hil.wire.messages import PULSE_CLOCK_US
 from plant.answers import Answer
 from plant.memory import Measured
 from plant.rig import events as codes

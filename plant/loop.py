@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil import snapshot, topics
-from hil.codec import Decoder, Encoder
+from hil import snapshot
 from hil.errors import ConfigError
 from hil.exchange import await_batch
-from hil.messages import SLOW_SIGNALS, PistonSample, PlantTick
+from hil.log import topics
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
-from hil.signals import most_of
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.fields import most_of
+from hil.wire.messages import SLOW_SIGNALS, PistonSample, PlantTick
 from plant import faults
 from plant.answers import Answer, Answers
 from plant.log import pack_events, pack_skipped, pack_turn

@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from drivers.clock import SystemClock
-from drivers.effort import Effort
 from drivers.links import Connection, open_link
-from drivers.process import (
+from drivers.system.clock import SystemClock
+from drivers.system.effort import Effort
+from drivers.system.process import (
     Stop,
     guarded,
     last_words,
@@ -17,10 +17,10 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Heart, Service
+from drivers.system.realtime import pin, prepare
+from drivers.system.service import ENDLESS, Heart, Service
 from hil import snapshot
 from hil.config.scenario import Scenario
-from hil.realtime import pin, prepare
 from plant.build import make_loop, make_pacer, ticks_of
 from plant.loop import PlantLoop
 from plant.status import describe, facts, raise_if_lost

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from controller.knowledge import OperatingPoint
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 
 _SINE = 4.0 / math.pi
 _SPAN_S = 1e-7

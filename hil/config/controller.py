@@ -49,7 +49,7 @@ class CascadeConfig(Section):
 
     outer: m/s of velocity reference per m of TDC error
     inner: kg of fuel per m/s of velocity error
-    Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
+    Found by `python -m bench.studies.tune cascade`; objective and result are in docs/tuning.md.
     """
 
     outer: OuterGains = OuterGains()

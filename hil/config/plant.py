@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from hil.prototypes import (
+from hil.config.prototypes import (
     PROTOTYPES,
     SINGLE_CHAMBER,
     ForceN,

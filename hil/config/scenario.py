@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hil.busload import check_fit
 from hil.config.base import Section
 from hil.config.controller import ControllerConfig, ControllerName
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
+from hil.wire.busload import check_fit
 
 
 class OperatorEvent(Section):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bench import golden
-from bench.golden import CASES, Case
-from bench.replay import replay_file
+from bench.dev import golden
+from bench.dev.golden import CASES, Case
+from bench.logs.replay.replay import replay_file
 from hil.errors import LogError
 from hil.log.part import ALWAYS
 

@@ -4,16 +4,9 @@ import math
 
 import pytest
 
-from bench.bound import (
-    Bound,
-    LoadChange,
-    bound,
-    deadbeat_fuel,
-    step_bound,
-    stroke_end,
-)
+from bench.studies.bound import Bound, LoadChange, bound, deadbeat_fuel, step_bound, stroke_end
+from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError
-from hil.prototypes import BIT, NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 

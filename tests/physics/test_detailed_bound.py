@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.bound_detailed import step_bound
+from bench.studies.bound_detailed import step_bound
 from hil.config.detailed import read
 from plant.engines.detailed.settle import settle
 

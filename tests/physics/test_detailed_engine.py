@@ -79,20 +79,20 @@ def test_motored_engine_balances_energy_and_mass():
 
 @pytest.mark.parametrize("name", ["nu-two-stroke", "nu-four-stroke"])
 def test_table_4_3_is_reached(name):
-    from bench.engine import table_4_3
+    from bench.studies.engine.tables import table_4_3
 
     assert [row for row in table_4_3(name) if not row.reached] == []
 
 
 def test_part_load_of_the_beijing_engine_is_reached():
-    from bench.engine import table_2
+    from bench.studies.engine.tables import table_2
 
     assert [row for row in table_2() if not row.reached] == []
 
 
 def test_constant_speed_motoring_is_reached():
     """The servo holds 200 mm/s between +-18 mm; 11 bar and 15.5 : 1 (section 4.1.3)."""
-    from bench.engine import motoring
+    from bench.studies.engine.tables import motoring
 
     assert [row for row in motoring() if not row.reached] == []
     engine = engine_of(read("nu-motoring"))
@@ -105,7 +105,7 @@ def test_constant_speed_motoring_is_reached():
 
 
 def test_engines_of_the_literature_give_their_printed_figures():
-    from bench.engine import other_engines
+    from bench.studies.engine.tables import other_engines
 
     assert [row for row in other_engines() if not row.reached] == []
 
@@ -148,7 +148,7 @@ def test_opposed_pistons_are_one_piston_against_a_mirror():
 
 
 def test_starting_takes_the_thesis_number_of_cycles():
-    from bench.engine import starting
+    from bench.studies.engine.tables import starting
 
     assert [row for row in starting() if not row.reached] == []
 
@@ -169,7 +169,7 @@ def test_step_is_exact_to_micrometres():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FIRED)
 def test_fixed_step_agrees_with_a_tight_reference(name):
-    from bench.engine_precision import adaptive, compare, fixed, start
+    from bench.studies.engine.precision import adaptive, compare, fixed, start
 
     engine, motion = start(name)
     reference, _ = adaptive(engine, motion, "DOP853", 1e-11, 5e-4)

@@ -6,7 +6,7 @@ import pytest
 from plant_rig import Rig, make
 
 from hil.config.plant import EfficiencyEvent, LoadScaleEvent, MisfireEvent
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc
 

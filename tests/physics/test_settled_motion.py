@@ -5,8 +5,8 @@ import math
 import pytest
 from plant_rig import Rig, make
 
+from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError
-from hil.prototypes import BIT, NU
 from plant.engines.fast.combustion import Burn
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_curve, fuel_for_tdc, limit_cycle

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from hil.config.prototypes import NU
 from hil.errors import ConfigError, MissingExtraError
-from hil.prototypes import NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.state_space import (
     LinearModel,

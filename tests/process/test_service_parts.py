@@ -20,12 +20,12 @@ import hil.log
 from controller.duty import RESUME_TRIES, DutyCommands, Resumption
 from controller.start_restart import Mode
 from drivers.channels import MemoryCommands
-from drivers.keepsake import SIZE, Keepsake
-from drivers.recorder import Recorder, wait_finished
-from drivers.service import ENDLESS, KEPT_LOGS, Heart, log_file
-from drivers.systemd_notify import Notifier
-from hil import topics
+from drivers.recorder.client import Recorder, wait_finished
+from drivers.system.keepsake import SIZE, Keepsake
+from drivers.system.notify import Notifier
+from drivers.system.service import ENDLESS, KEPT_LOGS, Heart, log_file
 from hil.errors import ConfigError, RunError
+from hil.log import topics
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def test_a_hang_up_is_told_to_the_loop_once(notifier: Notifier) -> None:
 def test_what_is_kept_outlives_the_process(tmp_path: Path) -> None:
     path = tmp_path / "duty.json"
     program = (
-        "import os, pathlib, sys; from drivers.keepsake import Keepsake;"
+        "import os, pathlib, sys; from drivers.system.keepsake import Keepsake;"
         "Keepsake(pathlib.Path(sys.argv[1])).keep({'running': True}); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", program, str(path)], check=False)
@@ -213,7 +213,7 @@ def record_for_a_connection(path: Path, ready: threading.Event) -> None:
         connection, _ = listening.accept()
         with connection:
             subprocess.run(
-                [sys.executable, "-P", "-m", "drivers.recorder_process"], stdin=connection,
+                [sys.executable, "-P", "-m", "drivers.recorder.process"], stdin=connection,
                 check=True,
             )  # fmt: skip
 
@@ -244,7 +244,7 @@ def test_the_log_is_finished_after_a_kill(tmp_path: Path) -> None:
     ready.wait(10.0)
     log = tmp_path / "log.mcap"
     program = (
-        "import os, pathlib, sys; from drivers.recorder import Recorder; from hil import topics\n"
+        "import os, pathlib, sys; from drivers.recorder.client import Recorder; from hil import topics\n"
         "r = Recorder.open(pathlib.Path(sys.argv[1]), {}, blocking=True)\n"
         "r.put(topics.EVENT.pack(0, 0, topics.INFO, 'code', 'text')); os.kill(os.getpid(), 9)"
     )

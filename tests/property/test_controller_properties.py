@@ -11,9 +11,9 @@ from controller.laws.pi import pi_step
 from controller.start_restart import Mode
 from controller.state import Inputs, initial_state, make_params
 from controller.step import step
-from hil.codec import Encoder
 from hil.config.controller import ControllerConfig, Gains
-from hil.messages import FIRING_MODES, PistonSample
+from hil.wire.codec import Encoder
+from hil.wire.messages import FIRING_MODES, PistonSample
 
 MS = 1_000_000
 # How long an example takes says something of the machine, not of the controller.

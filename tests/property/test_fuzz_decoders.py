@@ -5,16 +5,16 @@ import tracemalloc
 
 import pytest
 
-from bench import scenarios
-from bench.bus_fuzz import THEORY, fuzz, mutated_frames, random_frames
-from bench.bus_rig import Clock, RigPacer
-from bench.resolve import resolve
+from bench.bus.fuzz import THEORY, fuzz, mutated_frames, random_frames
+from bench.bus.rig import Clock, RigPacer
+from bench.run import scenarios
+from bench.run.resolve import resolve
 from controller.main import make_loop as make_controller
-from drivers.can_assembly import Assembler
+from drivers.can.assembly import Assembler
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
-from drivers.recorder import NullRecorder
-from hil.codec import pack_frame
+from drivers.recorder.client import NullRecorder
+from hil.wire.codec import pack_frame
 from plant.build import make_loop as make_plant
 
 FEW, MANY = 20_000, 1_000_000

@@ -7,16 +7,16 @@ import pytest
 from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
-from bench import golden, replay_differences
-from bench.log_commands import replay as replay_command
-from bench.replay import replay_file
+from bench.dev import golden
+from bench.logs.commands import replay as replay_command
+from bench.logs.replay import differences
+from bench.logs.replay.replay import replay_file
 from controller.laws import LAWS, pi
 from drivers import links
-from drivers.recorder import Recorder
-from hil import topics
+from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
-from hil.log import Span
-from hil.records import Layout
+from hil.log import Span, topics
+from hil.log.records import Layout
 from plant.engines.fast import linear
 
 ALWAYS = Span()
@@ -251,12 +251,12 @@ def test_a_log_without_any_input_is_refused(run_directory, tmp_path):
 
 
 def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, monkeypatch):
-    today = replay_differences._TODAY["/truth"]
+    today = differences._TODAY["/truth"]
     fields = (*today.fields, today.fields[-1]._replace(name="extra"))
     newer = today._replace(fields=fields, layout=Layout(fields))
-    monkeypatch.setitem(replay_differences._TODAY, "/truth", newer)
+    monkeypatch.setitem(differences._TODAY, "/truth", newer)
     with hil.log.open(run_directory / "plant.mcap") as log:
-        records = replay_differences.Records(log)
+        records = differences.Records(log)
         told = records.notes()
     assert told == ["/truth.extra is only in today: not compared"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import hil.log
-from bench.diff import compare
-from bench.log_commands import what_if as what_if_command
-from bench.replay import replay_file
-from bench.what_if import Wish, continue_run, tick_of
+from bench.logs.commands import what_if as what_if_command
+from bench.logs.diff import compare
+from bench.logs.replay.replay import replay_file
+from bench.logs.what_if.continuation import Wish, continue_run, tick_of
 from controller.loop import ControllerLoop
 from hil.errors import ConfigError, LogError
 from hil.log import Span

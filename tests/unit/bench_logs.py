@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.outdir import RunFiles
-from bench.scenarios import read
-from drivers.recorder import Recorder
-from hil import topics
+from bench.run.directory import RunFiles
+from bench.run.scenarios import read
+from drivers.recorder.client import Recorder
 from hil.config.scenario import Scenario
+from hil.log import topics
 
 PERIOD_NS = 1_000_000
 

@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 
 import fmpy
 
-from bench.fmu_export import export
+from bench.fmu.export import export
 
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 FOREIGN_NAMES = {

@@ -7,11 +7,11 @@ from bench_logs import Centre, Made, alternating, make_run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.figures import event_figures, figures, read_run
-from bench.strokes import Strokes, set_point_at, settling_ns
-from bench.summary import summarise, summarise_fault, write
-from bench.ticks import Histogram
-from bench.verdict import judge
+from bench.judge.figures import event_figures, figures, read_run
+from bench.judge.punctuality import Histogram
+from bench.judge.strokes import Strokes, set_point_at, settling_ns
+from bench.judge.summary import summarise, summarise_fault, write
+from bench.judge.verdict import judge
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20

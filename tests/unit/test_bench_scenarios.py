@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from bench import outdir
-from bench.commands import overrides
-from bench.resolve import resolve
-from bench.scenarios import find, packaged, read
+from bench.run import directory as outdir
+from bench.run.commands import overrides
+from bench.run.resolve import resolve
+from bench.run.scenarios import find, packaged, read
 from hil.errors import ConfigError
 
 PUBLIC = {

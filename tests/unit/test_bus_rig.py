@@ -2,12 +2,12 @@
 
 import pytest
 
-from bench import scenarios
-from bench.bus_faults import CASES, SAFE_TICKS, run_case, table
-from bench.bus_rig import Rig
-from bench.resolve import resolve
-from hil.messages import MachineCommand, PistonSample, PlantTick, Pulse
-from hil.signals import layout_of
+from bench.bus.faults import CASES, SAFE_TICKS, run_case, table
+from bench.bus.rig import Rig
+from bench.run import scenarios
+from bench.run.resolve import resolve
+from hil.wire.fields import layout_of
+from hil.wire.messages import MachineCommand, PistonSample, PlantTick, Pulse
 
 HEAD, SAMPLE = layout_of(PlantTick).can_id, layout_of(PistonSample).can_id
 PULSE, MACHINE = layout_of(Pulse).can_id, layout_of(MachineCommand).can_id

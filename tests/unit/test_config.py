@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from drivers.process import read_arguments, read_scenario
+from drivers.system.process import read_arguments, read_scenario
 from hil.config.load import build, load, parse_assignment, read_toml, with_override
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from controller.main import follow_in_real_time
-from drivers.process import Stop
+from drivers.system.process import Stop
 from hil.errors import RunError
 
 PERIOD_NS = 1_000_000

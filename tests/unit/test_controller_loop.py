@@ -8,11 +8,11 @@ from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
 from controller.start_restart import Mode
 from controller.state import initial_state, make_params
-from hil import topics
-from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
-from hil.messages import PistonSample, PlantTick
-from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.log import topics
+from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import PistonSample, PlantTick
 
 MS = 1_000_000
 NAN = math.nan

@@ -8,9 +8,9 @@ from controller.commands import OperatorCommand
 from controller.start_restart import Mode
 from controller.state import Inputs, initial_state, make_params
 from controller.step import step
-from hil.codec import Decoder, Encoder
 from hil.config.controller import ControllerConfig
-from hil.messages import GENERATOR, OFF, PistonSample
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import GENERATOR, OFF, PistonSample
 
 MS = 1_000_000
 OMEGA = 2.0 * math.pi * 19.94

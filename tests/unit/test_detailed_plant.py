@@ -5,13 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.resolve import resolve
+from bench.run.resolve import resolve
 from controller.estimate import Motion
 from controller.ignition import predict
 from hil.config.load import build
 from hil.config.plant import PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
 from plant.build import plant_params
 from plant.engines.detailed import layout as at
 from plant.engines.machine import GENERATOR, MOTOR, MachineOrder

@@ -17,11 +17,11 @@ from fmu_units import FOREIGN_NAMES, MODELS, changed, foreign, ours, renamed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.fmu_check import check
-from bench.fmu_export import export
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.fmu.check import check
+from bench.fmu.export import export
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig

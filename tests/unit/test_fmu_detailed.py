@@ -13,10 +13,10 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from fmu_units import ours
 
-from bench.fmu_export import export
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.fmu.export import export
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil.errors import ConfigError
 
 pytestmark = pytest.mark.slow

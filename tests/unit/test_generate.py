@@ -6,8 +6,8 @@ import sys
 import cantools
 import pytest
 
-from hil import generate
-from hil.signals import LAYOUTS
+from bench.dev import generate
+from hil.wire.fields import LAYOUTS
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def test_drift_and_absence_are_both_seen(tmp_path):
 
 def test_check_exits_with_zero_when_nothing_has_drifted():
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "hil.generate", "--check"],
+        [sys.executable, "-W", "error", "-m", "bench.dev.generate", "--check"],
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")

@@ -8,17 +8,18 @@ import time
 
 import pytest
 
-from drivers import gpio_low, ring
-from drivers.analog import Calibration, IioInput
-from drivers.gpio import OutputLink, OutputProcess, open_outputs, with_outputs
-from drivers.gpio_lines import GpiodLines
-from drivers.gpio_process import HEAD, EdgeDriver, drive, split
+from drivers.analog.input import Calibration, IioInput
+from drivers.gpio import low as gpio_low
+from drivers.gpio.lines import GpiodLines
+from drivers.gpio.link import OutputLink, OutputProcess, open_outputs, with_outputs
+from drivers.gpio.process import HEAD, EdgeDriver, drive, split
 from drivers.links import open_memory
-from hil.codec import Encoder
+from drivers.recorder import ring
 from hil.config.load import build
 from hil.config.outputs import OutputsConfig
 from hil.errors import ConfigError, RunError
-from hil.messages import ControllerTick, MachineCommand, Pulse
+from hil.wire.codec import Encoder
+from hil.wire.messages import ControllerTick, MachineCommand, Pulse
 
 MS = 1_000_000
 CONFIG = OutputsConfig(
@@ -269,7 +270,7 @@ def test_orphaned_it_leaves_the_lines_low(tmp_path):
     code = FAKE_CHIP.format(log=str(log))
     parent = (
         "import sys, time\n"
-        "from drivers.gpio import OutputProcess\n"
+        "from drivers.gpio.link import OutputProcess\n"
         "from hil.config.scenario import Scenario\n"
         "OutputProcess(Scenario.model_validate_json(sys.argv[1]),"
         " (sys.executable, '-c', sys.argv[2]))\n"

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.gpio_schedule import NEVER, Edge, EdgeSchedule, PlantClock, unwrapped_ns
+from drivers.gpio.schedule import NEVER, Edge, EdgeSchedule, PlantClock, unwrapped_ns
 
 MS = 1_000_000
 CHANNELS = frozenset({0, 1, 2, 3})

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from controller.knowledge import load_for_power, motoring_force, operating_point
-from hil.prototypes import BIT, NU
+from hil.config.prototypes import BIT, NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import harmonic_cycle
 

@@ -7,7 +7,7 @@ from controller.laws import LAWS
 from controller.laws.interface import StrokeFacts
 from controller.laws.pi import pi_step
 from hil.config.controller import ControllerConfig, Gains, OpenLoopConfig
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 
 POINT = operating_point(NU, 0.0155, 810.0)
 FACTS = StrokeFacts(0.0155, 0.0155, POINT.v_mid_m_s, POINT, 0.2e-6, 6.0e-6)

@@ -4,16 +4,16 @@ import statistics
 
 import pytest
 
-from bench import tune
-from bench.bound import step_bound
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import find
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import find
+from bench.studies import tune
+from bench.studies.bound import step_bound
 from controller.laws import LAWS
 from controller.trimming import refusal
 from hil.config.load import build, read_toml, with_override
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
 from plant.engines.fast.constants import constants_of
 
 REF, LOAD = 0.0155, 810.0

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.bound import LoadChange, stroke_end
+from bench.studies.bound import LoadChange, stroke_end
 from controller.knowledge import OperatingPoint
 from controller.laws.engine_map import (
     calibrate,
@@ -15,7 +15,7 @@ from controller.laws.engine_map import (
     pass_mid,
     travel,
 )
-from hil.prototypes import BIT, NU
+from hil.config.prototypes import BIT, NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 

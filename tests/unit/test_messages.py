@@ -2,11 +2,11 @@
 
 import pytest
 
+from bench.dev.generate import FRAME_BITS_MAX, frames_per_tick
 from controller.actuator import MAX_PULSES
 from controller.start_restart import Mode
-from hil import messages
-from hil.generate import FRAME_BITS_MAX, frames_per_tick
-from hil.signals import LAYOUTS
+from hil.wire import messages
+from hil.wire.fields import LAYOUTS
 from plant.engines import machine
 from plant.rig import actuation
 

@@ -4,10 +4,10 @@ import pytest
 
 import controller.main
 import plant.build
-from bench.offline import simulate
-from bench.resolve import resolve
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from drivers.links import open_memory
-from drivers.recorder import NullRecorder
+from drivers.recorder.client import NullRecorder
 from hil.config.load import build
 from plant.rig.state import DeadCentre
 

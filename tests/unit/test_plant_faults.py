@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil.errors import ConfigError
 from plant import faults
 from plant.build import make_params

@@ -4,13 +4,13 @@ from collections import deque
 
 import pytest
 
-from hil import topics
-from hil.codec import Decoder, Encoder
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
-from hil.messages import ControllerTick, MachineCommand, Pulse
+from hil.log import topics
+from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
 from hil.pacing import LockstepPacer, RealTimePacer
-from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import ControllerTick, MachineCommand, Pulse
 from plant.build import plant_params
 from plant.loop import PlantLoop
 from plant.rig.beginning import initial_state

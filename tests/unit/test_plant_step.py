@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from hil import topics
 from hil.config.plant import MisfireEvent, PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
+from hil.log import topics
 from plant.build import plant_params
 from plant.engines.machine import GENERATOR, MOTOR, OFF, MachineOrder
 from plant.log import truth

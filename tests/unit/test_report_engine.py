@@ -7,13 +7,13 @@ pytest.importorskip("matplotlib", reason="needs the extra desk")
 
 import numpy as np
 
-from bench import indicator
-from bench.commands import RunOptions, overrides, run
-from bench.indicator import last_cycle
-from bench.outdir import RunFiles
-from bench.plots_engine import parts_of, power, pressure_volume, pressure_volume_log
-from bench.report_engine import section
-from drivers.process import read_scenario
+from bench.report import indicator
+from bench.report.cylinders import section
+from bench.report.indicator import last_cycle
+from bench.report.plots_engine import parts_of, power, pressure_volume, pressure_volume_log
+from bench.run.commands import RunOptions, overrides, run
+from bench.run.directory import RunFiles
+from drivers.system.process import read_scenario
 from hil.errors import MissingExtraError
 
 

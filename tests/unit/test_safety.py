@@ -8,7 +8,7 @@ from controller import safety
 from controller.actuator import Machine
 from controller.laws.interface import Demand
 from hil.config.controller import LimitsConfig
-from hil.messages import GENERATOR, MOTOR
+from hil.wire.messages import GENERATOR, MOTOR
 
 LIMITS = LimitsConfig(force_n=4000.0)
 

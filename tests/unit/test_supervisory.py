@@ -5,7 +5,7 @@ import pytest
 from controller import supervisory
 from controller.knowledge import operating_point
 from hil.config.controller import ControllerConfig, Preset, SupervisoryConfig
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 
 
 def config(preset=None, **values):

@@ -5,13 +5,13 @@ import math
 import pytest
 
 import controller.step as control
-from bench.offline import simulate
-from bench.resolve import resolve
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from controller.estimate import Motion
 from controller.timing import NO_PLAN, PlannedPulse, plan_injection, plan_spark
 from hil.config.controller import ControllerConfig, InjectorKnowledge
 from hil.config.load import build
-from hil.messages import SPARK_LEFT
+from hil.wire.messages import SPARK_LEFT
 
 MS = 1_000_000
 CONFIG = ControllerConfig()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import final
 
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
 from hil.values import Value
 from plant.engines.fast.nonlinear import CONTACT_GAP_M
 

@@ -1,0 +1,163 @@
+"""Golden runs: small recorded runs that plant and controller of today must repeat bit by bit.
+
+`hil golden` replays them. `hil golden --update` is the only way to change them: it runs each one
+anew, prints by how much every signal differs from what was recorded, and replaces the files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+import controller.main
+import plant.build
+from bench.logs.diff import Comparison, compare
+from bench.logs.replay.replay import replay_file
+from bench.run import scenarios
+from bench.run.resolve import resolve
+from bench.run.single_process import turn_of
+from drivers.links import open_memory
+from drivers.memory_link import MemoryLink
+from drivers.system.process import open_recorder
+from hil import log as logs
+from hil.config.scenario import Scenario
+from hil.errors import ConfigError, LogError
+from hil.log.part import ALWAYS
+
+PROCESSES = ("plant", "controller")
+
+
+class Case(NamedTuple):
+    """One golden run: a scenario of the project, cut short."""
+
+    name: str
+    scenario: str
+    changes: tuple[tuple[str, Any], ...]
+
+
+_STEP = (("events.load.at_s", 0.12), ("run.duration_s", 0.4))
+CASES = (
+    *(
+        Case(model, "load-decrease", (("plant.model", model), *_STEP))
+        for model in ("harmonic", "rectangular", "nonlinear", "closed-form")
+    ),
+    Case("single-loop", "load-increase", (("controller.name", "single-loop"), *_STEP)),
+    Case("misfire", "misfire", (("events.misfire.at_s", 0.1), ("run.duration_s", 0.5))),
+    Case("start", "start", (("run.duration_s", 0.8),)),
+)
+_LOCKSTEP = (("link.kind", "memory"), ("loop.clock", "lockstep"))
+
+
+def scenario_for(case: Case) -> Scenario:
+    """Return the whole configuration of a golden run."""
+    return resolve(scenarios.read(case.scenario, [*case.changes, *_LOCKSTEP]))
+
+
+def check(directory: Path) -> int:
+    """Replay all golden runs; 0 when each is repeated bit by bit, 1 when not.
+
+    Raises: LogError when there is none
+    """
+    from bench.logs.replay.text import show
+
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    paths = sorted(directory.glob("*/*.mcap"))
+    if not paths:
+        raise LogError(f"{directory}: no golden runs; `hil golden --update` records them")
+    different = 0
+    for path in paths:
+        outcome = replay_file(path, None, ALWAYS)
+        different += not outcome.identical
+        with logs.open(path) as log:
+            show(console, path, outcome, log)
+    return 1 if different else 0
+
+
+def update(directory: Path) -> int:
+    """Record all golden runs anew and tell what has changed; files that agree stay as they are.
+
+    Raises: ConfigError when the directory cannot be written
+    """
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    with tempfile.TemporaryDirectory(prefix="hil-golden-") as scratch:
+        for case in CASES:
+            new = Path(scratch) / case.name
+            new.mkdir()
+            record(scenario_for(case), new)
+            for process in PROCESSES:
+                _replace(console, new / f"{process}.mcap", directory / case.name)
+    return 0
+
+
+def record(scenario: Scenario, out: Path) -> None:
+    """Run a scenario in memory and lockstep, with both logs."""
+    with contextlib.ExitStack() as stack:
+        recorders = {}
+        for name in PROCESSES:
+            recorders[name] = open_recorder(out / f"{name}.mcap", scenario, name)
+            stack.callback(recorders[name].close)
+        plant_end, controller_end = open_memory()
+        loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
+        mind = controller.main.make_loop(
+            scenario, controller_end, controller.main.make_pacer(scenario), recorders["controller"]
+        )
+        assert isinstance(plant_end.link, MemoryLink)
+        plant_end.link.on_send = turn_of(mind, controller_end.link)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
+        while tick < ticks:
+            tick = loop.turn(tick)
+
+
+def _replace(console: Console, new: Path, directory: Path) -> None:
+    old = directory / new.name
+    found = _compared(old, new)
+    if found is not None and found.same and not _reconfigured(found):
+        console.print(f"{old}: unchanged")
+        return
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(new, old)
+    except OSError as error:
+        raise ConfigError(f"{old}: {error.strerror}") from None
+    if found is None:
+        console.print(f"{old}: new")
+        return
+    _tell(console, old, found)
+
+
+def _reconfigured(found: Comparison) -> bool:
+    """Whether a key has another value; one that is new, with its default, changes nothing."""
+    return any(before is not None for _, before, _ in found.configuration)
+
+
+def _compared(old: Path, new: Path) -> Comparison | None:
+    """Compare with what was recorded before; None when there is none that can be read."""
+    if not old.exists():
+        return None
+    try:
+        with logs.open(old) as a, logs.open(new) as b:
+            return compare(a, b)
+    except LogError:
+        return None
+
+
+def _tell(console: Console, path: Path, found: Comparison) -> None:
+    """Print the numeric difference of every signal that has changed."""
+    first = "" if found.first is None else f", first at tick {found.first.tick}"
+    console.print(f"{path}: changed{first}")
+    for key, old, new in found.configuration:
+        console.print(f"  {key}: {old} -> {new}")
+    for gap in found.topics:
+        for name, field in gap.fields.items():
+            console.print(
+                f"  {gap.topic} {name}: {field.rows} of {gap.common} values, "
+                f"by {field.largest:.6g} at the most"
+            )
+        others = gap.different if not gap.fields else 0
+        if others or gap.only_a or gap.only_b:
+            console.print(f"  {gap.topic}: {others} differ, {gap.only_a} gone, {gap.only_b} new")

@@ -1,0 +1,256 @@
+"""How a running pair is, and commands to it: what `hil status`, `set`, `start` and `stop` do."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from rich.console import Console
+
+from controller.commands import parse
+from drivers.links import open_operator
+from drivers.system.process import read_scenario
+from hil.config.load import parse_assignment
+from hil.config.process import LinkConfig, LoopConfig
+from hil.errors import ConfigError, LinkError
+
+PROCESSES: Final = ("plant", "controller")
+REACHED_S: Final = 2.0
+"""Status is published ten times a second; who is silent for this long is not there."""
+
+_POLL_S: Final = 0.02
+_SETTABLE: Final = ("tdc_ref_m", "target_power_w", "law")
+_SHOWN: Final[Mapping[str, tuple[str, Callable[[Any], str]]]] = {
+    "mode": ("mode", str),
+    "t_s": ("time", lambda v: f"{v:.1f} s"),
+    "tick": ("tick", str),
+    "tdc_mm": ("TDC", lambda v: f"{v:.3f} mm"),
+    "tdc_ref_mm": ("set point", lambda v: f"{v:.3f} mm"),
+    "fuel_mg": ("fuel", lambda v: f"{v:.3f} mg"),
+    "load_n_s_m": ("load", lambda v: f"{v:.1f} N s/m"),
+    "late_us": ("late", lambda v: f"{v} µs"),
+    "late_max_us": ("late at most", lambda v: f"{v} µs since the last status"),
+    "missed": ("missed ticks", str),
+    "answered": ("answers", str),
+    "used_tick": ("newest answer", lambda v: f"to tick {v}"),
+    "safe": ("safe state", lambda v: "yes" if v else "no"),
+    "contacts": ("head contacts", str),
+    "stale": ("ticks without sample", str),
+    "late_samples": ("late samples", str),
+}
+Status = Mapping[str, Any]
+
+
+class Operator(Protocol):
+    """What is asked of the view of two processes."""
+
+    def alive(self) -> set[str]:
+        """Return the processes that take part by now."""
+
+    def poll_status(self) -> tuple[str, dict[str, Any]] | None:
+        """Return (process, status) of the oldest status not yet taken, or None."""
+
+    def send_command(self, command: Mapping[str, object]) -> None:
+        """Send one command to every process of the engine."""
+
+    def close(self) -> None:
+        """Leave."""
+
+
+def operator_of(config: Path | None) -> Operator:
+    """Join the pair that a configuration describes, or the one at the default endpoints.
+
+    Raises: ConfigError, LinkError
+    """
+    if config is None:
+        return open_operator(LinkConfig(), LoopConfig(), "hil")
+    path = config / "scenario.json" if config.is_dir() else config
+    scenario = read_scenario(path)
+    if scenario.link.kind == "memory":
+        raise ConfigError(f"{path}: link.kind: a run in memory has no keys to ask it over")
+    return open_operator(scenario.link, scenario.loop, "hil")
+
+
+def gather(operator: Operator, timeout_s: float | None = None) -> dict[str, Status]:
+    """Return the newest status of each process that is there.
+
+    Raises: LinkError when none tells anything within the time
+    """
+    found: dict[str, Status] = {}
+    timeout_s = REACHED_S if timeout_s is None else timeout_s
+    end_s = time.monotonic() + timeout_s
+    while len(found) < len(PROCESSES) and time.monotonic() < end_s:
+        while (told := operator.poll_status()) is not None:
+            found[told[0]] = told[1]
+        time.sleep(_POLL_S)
+    if not found:
+        raise LinkError(f"no plant and no controller told their status within {timeout_s:g} s")
+    return found
+
+
+def rows(statuses: Mapping[str, Status]) -> list[tuple[str, str, str]]:
+    """Return (what, plant, controller) as text; counters of reception come last."""
+    lines = []
+    for key, (name, text) in _SHOWN.items():
+        plant, controller = (_cell(statuses.get(p, {}), key, text) for p in PROCESSES)
+        if plant or controller:
+            lines.append((name, plant, controller))
+    counted = [statuses.get(process, {}).get("reception") or {} for process in PROCESSES]
+    for name in dict.fromkeys(name for counters in counted for name in counters):
+        left, right = (str(counters.get(name, "")) for counters in counted)
+        lines.append((f"frames {name}", left, right))
+    return lines
+
+
+def _cell(status: Status, key: str, text: Callable[[Any], str]) -> str:
+    value = status.get(key)
+    return "" if value is None else text(value)
+
+
+def _table(statuses: Mapping[str, Status]) -> Any:  # noqa: ANN401
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("", *PROCESSES):
+        there = title in statuses or not title
+        table.add_column(title if there else f"{title}: not there", no_wrap=True)
+    for row in rows(statuses):
+        table.add_row(*row)
+    return table
+
+
+def show(config: Path | None, *, as_json: bool) -> int:
+    """Show the status once.
+
+    Raises: LinkError when nobody is there
+    """
+    operator = operator_of(config)
+    try:
+        statuses = gather(operator)
+    finally:
+        operator.close()
+    if as_json:
+        print(json.dumps(statuses, indent=1))
+    else:
+        Console(highlight=False).print(_table(statuses))
+    return 0
+
+
+def watch(config: Path | None, *, as_json: bool) -> int:
+    """Show the status until interrupted or nobody is there any more."""
+    operator = operator_of(config)
+    try:
+        statuses = gather(operator)
+        (_watch_lines if as_json else _watch_table)(operator, statuses)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        operator.close()
+    return 0
+
+
+def _news(operator: Operator) -> Iterable[tuple[str, Status]]:
+    """Yield statuses as they come, as long as somebody is there."""
+    while operator.alive():
+        while (told := operator.poll_status()) is not None:
+            yield told
+        time.sleep(_POLL_S)
+
+
+def _watch_lines(operator: Operator, _statuses: dict[str, Status]) -> None:
+    for process, status in _news(operator):
+        print(json.dumps({"process": process, **status}), flush=True)
+
+
+def _watch_table(operator: Operator, statuses: dict[str, Status]) -> None:
+    from rich.live import Live
+
+    with Live(_table(statuses), console=Console(highlight=False), auto_refresh=False) as live:
+        for process, status in _news(operator):
+            statuses[process] = status
+            live.update(_table(statuses), refresh=True)
+
+
+def set_points(assignments: Sequence[str], config: Path | None) -> int:
+    """Change set points of a running controller, and see that it took them.
+
+    Raises: ConfigError for what the controller would refuse, LinkError when nobody takes it
+    """
+    return _command(commands_of(assignments), config)
+
+
+def commands_of(assignments: Sequence[str]) -> list[dict[str, object]]:
+    """Return the commands that KEY=VALUE ask for, checked as the controller checks them.
+
+    Raises: ConfigError
+    """
+    given = dict(parse_assignment(text) for text in assignments)
+    unknown = [key for key in given if key not in _SETTABLE]
+    if unknown or not given:
+        what = f"{unknown[0]}: unknown" if unknown else "nothing to set"
+        raise ConfigError(f"hil set: {what}; accepted: {', '.join(_SETTABLE)} (KEY=VALUE)")
+    commands: list[dict[str, object]] = []
+    numbers: dict[str, object] = {key: given[key] for key in _SETTABLE[:2] if key in given}
+    if numbers:
+        commands.append({"kind": "set-point", **numbers})
+    if "law" in given:
+        commands.append({"kind": "law", "law": given["law"]})
+    for command in commands:
+        parse(json.dumps(command).encode(), "hil set")
+    return commands
+
+
+def order(kind: str, config: Path | None) -> int:
+    """Send `start` or `stop`."""
+    return _command([{"kind": kind}], config)
+
+
+def _command(commands: Sequence[Mapping[str, object]], config: Path | None) -> int:
+    operator = operator_of(config)
+    try:
+        _wait_for_controller(operator)
+        for command in commands:
+            operator.send_command(command)
+        status = _after(operator, commands)
+    finally:
+        operator.close()
+    words = [f"{_SHOWN[k][0]} {_cell(status, k, _SHOWN[k][1])}" for k in ("mode", "tdc_ref_mm")]
+    print(f"controller: {', '.join(words)}")
+    return 0
+
+
+def _wait_for_controller(operator: Operator) -> None:
+    end_s = time.monotonic() + REACHED_S
+    while "controller" not in operator.alive():
+        if time.monotonic() > end_s:
+            raise LinkError(f"no controller takes commands, waited {REACHED_S:g} s")
+        time.sleep(_POLL_S)
+    gather(operator)
+
+
+def _after(operator: Operator, commands: Sequence[Mapping[str, object]]) -> Status:
+    """Return the controller's status once it shows the commanded set point.
+
+    Raises: LinkError when it does not
+    """
+    wanted = next((c["tdc_ref_m"] for c in commands if "tdc_ref_m" in c), None)
+    # Of two statuses the second was certainly made after the command came.
+    end_s, seen = time.monotonic() + REACHED_S, 0
+    while time.monotonic() < end_s:
+        while (told := operator.poll_status()) is not None:
+            process, status = told
+            seen += process == "controller"
+            if seen >= 2 and _shows(status, wanted):
+                return status
+        time.sleep(_POLL_S)
+    raise LinkError("the controller did not take the command; its log says why")
+
+
+def _shows(status: Status, wanted_m: object) -> bool:
+    if not isinstance(wanted_m, (int, float)):
+        return True
+    return math.isclose(float(status.get("tdc_ref_mm") or 0.0), float(wanted_m) * 1e3, abs_tol=1e-6)

@@ -1,0 +1,152 @@
+"""Filling in what a scenario leaves open, so that its record alone says what was run."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from bench.run import engine_defaults, fmu_defaults
+from controller.supervisory import target_load
+from hil.config.load import describe
+from hil.config.plant import PlantConfig
+from hil.config.prototypes import Prototype
+from hil.config.scenario import Scenario
+from hil.errors import ConfigError
+from plant.engines.fast.constants import Constants, constants_of
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
+
+NOMINAL_FUEL_KG = 2.8185e-6
+"""Fuel that holds 15.5 mm in the linear models of the Newcastle engine (thesis eq. 5.60)."""
+
+_SLOPE_STEP = 0.01
+
+# The non-linear model is integrated for every fuel that is tried.
+_fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
+
+
+def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
+    """Return the scenario with set point, loads, limits, preset and endpoints all given.
+
+    Parameters: sockets : directory for the Zenoh sockets of this run, with a short path; None
+        leaves the endpoints as they are
+    Raises: ConfigError when the run cannot begin settled as it was asked to
+    """
+    if fmu_defaults.is_unit(scenario):
+        return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
+    if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
+        raise ConfigError(
+            f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"
+            " centres only; accepted there are the other controllers"
+        )
+    tree = scenario.model_dump()
+    if engine_defaults.is_detailed(scenario):
+        engine_defaults.fill(scenario, tree)
+    else:
+        prototype = _prototype(scenario)
+        tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
+        _fill_controller(scenario, prototype, tree["controller"])
+    if sockets is not None:
+        _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
+    try:
+        return Scenario.model_validate(tree)
+    except ValidationError as error:
+        raise ConfigError(describe(error, scenario.name)) from None
+
+
+def _prototype(scenario: Scenario) -> Prototype:
+    try:
+        return scenario.plant.resolved_prototype()
+    except ValidationError as error:
+        raise ConfigError(f"{scenario.name}: plant.engine: {error.errors()[0]['msg']}") from None
+
+
+def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Give set point, limit, loads and preset, each unless the scenario has it."""
+    given = scenario.controller
+    tdc_m = given.tdc_ref_m if given.tdc_ref_m is not None else prototype.tdc_ref_m
+    tree["tdc_ref_m"] = tdc_m
+    supervisory = given.supervisory
+    if supervisory.load_coefficient_n_s_m is None:
+        tree["supervisory"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
+    if given.limits.tdc_m is None:
+        tree["limits"]["tdc_m"] = prototype.position_limit_m
+    engine = constants_of(prototype, scenario.plant.model)
+    load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
+    if given.open_loop.fuel_kg is None:
+        tree["open_loop"]["fuel_kg"] = fixed_fuel_kg(scenario.plant)
+    _fill_preset(scenario, tree, engine, load)
+
+
+def fixed_fuel_kg(plant: PlantConfig) -> float:
+    """Return the fuel of open-loop operation where none is given.
+
+    The models of one engine share one figure, so that their motions can be compared; on it the
+    non-linear one strikes the head. The Beijing engine runs at wide open throttle (thesis section
+    5.2), as far as an injector can feed it.
+    """
+    prototype = plant.resolved_prototype()
+    if plant.prototype == "bit":
+        return min(prototype.full_throttle_fuel_kg, prototype.fuel_max_kg)
+    return NOMINAL_FUEL_KG
+
+
+def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:
+    """Give the settled motion that the run begins with, or that the laws work about."""
+    preset = tree["preset"]
+    fuel_kg = preset["fuel_kg"]
+    if fuel_kg is None and tree["name"] == "open-loop":
+        fuel_kg = _settling_fuel(engine, tree["open_loop"]["fuel_kg"], load)
+    if fuel_kg is None:
+        fuel_kg = _fuel_for_tdc(engine, tree["tdc_ref_m"], load)
+    preset["fuel_kg"] = fuel_kg
+    if None not in preset.values():
+        return
+    settled = _settled(scenario, engine, fuel_kg, load)
+    if preset["v_mid_m_s"] is None:
+        preset["v_mid_m_s"] = settled.v_mid_m_s
+    if preset["stroke_s"] is None:
+        preset["stroke_s"] = 0.5 / settled.frequency_hz
+    if preset["fuel_per_speed_kg_s_m"] is None:
+        preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
+
+
+def _settling_fuel(engine: Constants, fuel_kg: float, load: float) -> float | None:
+    """Return the fuel if the engine settles on it inside its stroke, else None.
+
+    An open-loop run on any other fuel begins at the set point and goes where that fuel takes it.
+    """
+    try:
+        inside = limit_cycle(engine, fuel_kg, load).tdc_m < engine.contact_m
+    except ConfigError:
+        return None
+    return fuel_kg if inside else None
+
+
+def _fuel_per_speed(engine: Constants, fuel_kg: float, load: float) -> float:
+    """Return the slope of the settled fuel over the settled mid-stroke speed [kg s/m]."""
+    step_kg = _SLOPE_STEP * fuel_kg
+    faster = limit_cycle(engine, fuel_kg + step_kg, load).v_mid_m_s
+    slower = limit_cycle(engine, fuel_kg - step_kg, load).v_mid_m_s
+    return 2.0 * step_kg / (faster - slower)
+
+
+def _settled(scenario: Scenario, engine: Constants, fuel_kg: float, load: float) -> LimitCycle:
+    """Return the settled motion on that fuel; a run that begins in it must not strike a head."""
+    cycle = limit_cycle(engine, fuel_kg, load)
+    if scenario.begins == "settled" and cycle.tdc_m >= engine.contact_m:
+        raise ConfigError(
+            f"{scenario.name}: cannot begin settled: {fuel_kg * 1e6:.4g} mg at {load:g} N s/m "
+            f"reach {cycle.tdc_m * 1e3:.2f} mm, the head is at {engine.contact_m * 1e3:g} mm"
+        )
+    return cycle
+
+
+def _fill_endpoints(scenario: Scenario, sockets: Path, tree: dict[str, Any]) -> None:
+    """Let the processes of this run meet on sockets of their own, unless endpoints are given."""
+    given = scenario.link.zenoh.model_fields_set
+    for side in ("plant", "controller"):
+        if f"{side}_endpoint" not in given:
+            tree[f"{side}_endpoint"] = f"unixsock-stream/{sockets / f'{side}.sock'}"

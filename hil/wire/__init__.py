@@ -1,0 +1,1 @@
+"""What crosses a link, declared once: messages, codec, protection, pulses, commands, status."""
