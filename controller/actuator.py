@@ -10,12 +10,12 @@ from hil.wire.messages import (
     GENERATOR,
     MOTOR,
     OFF,
-    PULSE_CLOCK_US,
     ControllerTick,
     MachineCommand,
     Message,
     Pulse,
 )
+from hil.wire.pulses import wrap_us
 
 MAX_PULSES = 2
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
@@ -75,7 +75,7 @@ def messages(
     if not pulses:
         return (ControllerTick(tick, 2, int(mode)), command)
     sent = [
-        Pulse(channel, open_ns // 1000 % PULSE_CLOCK_US, duration_ns // 1000)
+        Pulse(channel, wrap_us(open_ns), duration_ns // 1000)
         for channel, open_ns, duration_ns in pulses[:MAX_PULSES]
     ]
     return (ControllerTick(tick, 2 + len(sent), int(mode)), command, *sent)

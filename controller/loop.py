@@ -80,6 +80,7 @@ class ControllerLoop:
         self._silent_turns = 0
         self._snapshot_every = snapshot_every or _NEVER
         self._demand = state.demand
+        self._finished: StrokeReport | None = None  # the last stroke that could fire
         self._heard = b""
         self._largest_gap = _LARGEST_GAP_NS // params.period_ns
 
@@ -159,8 +160,10 @@ class ControllerLoop:
             self._link.send(frames)
         done_ns = self._pacer.now_ns()
         self._record(tick, sample, batch, frames, output, (woke_ns, done_ns), missed=not answer)
+        if output.stroke is not None:
+            self._finished = output.stroke
         if tick % self._status_every == 0:
-            self._tell(tick, output.stroke)
+            self._tell(tick, output.machine.load_n_s_m)
 
     def _command(self, tick: int) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
@@ -255,6 +258,7 @@ class ControllerLoop:
         self._credence = memory.credence
         self.out_of_step, self.implausible = memory.doubted
         self._demand = self.state.demand
+        self._finished = None
 
     def _note(self, code: str, text: str, batch: bytes) -> None:
         """Frames that are logged and never acted on, such as those of a tick already stepped."""
@@ -265,18 +269,18 @@ class ControllerLoop:
             + topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
         )
 
-    def _tell(self, tick: int, stroke: StrokeReport | None) -> None:
-        """Publish how the controller is."""
-        state = self.state
+    def _tell(self, tick: int, load_n_s_m: float) -> None:
+        """Publish how the controller is; what belongs to a stroke, of the last finished one."""
+        state, stroke = self.state, self._finished
         self._status.publish(
             {
                 "tick": tick,
                 "t_s": tick * self.params.period_ns * 1e-9,
                 "mode": state.mode.name.lower(),
-                "tdc_mm": state.motion.tdc_m * 1e3,
+                "tdc_mm": None if stroke is None else stroke.tdc_m * 1e3,
                 "tdc_ref_mm": state.set_points.tdc_ref_m * 1e3,
-                "fuel_mg": state.demand.fuel_kg * 1e6,
-                "load_n_s_m": state.set_points.load_n_s_m,
+                "fuel_mg": None if stroke is None else stroke.demand.fuel_kg * 1e6,
+                "load_n_s_m": load_n_s_m,
                 "stale": state.stale,
                 "late_samples": self.late,
                 "implausible_samples": self.implausible,

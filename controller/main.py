@@ -27,7 +27,8 @@ from drivers.system.process import (
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import ENDLESS, Service
 from hil import snapshot
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.errors import RunError
 from hil.exchange import await_batch
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
@@ -44,7 +45,7 @@ ANEW_NS = 250_000_000
 another one than before."""
 
 
-def make_pacer(scenario: Scenario) -> Pacer:
+def make_pacer(scenario: Resolved) -> Pacer:
     """The plant paces: in real time patience is 1.5 periods, in lockstep the peer time-out."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
@@ -53,7 +54,7 @@ def make_pacer(scenario: Scenario) -> Pacer:
     return LockstepPacer(period_ns, round(scenario.loop.peer_timeout_s * 1e9))
 
 
-def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
+def schedule_of(scenario: Resolved) -> dict[int, OperatorCommand]:
     """The scenario's own operator commands by tick.
 
     Two in one tick follow each other in the next free one.
@@ -71,7 +72,7 @@ def schedule_of(scenario: Scenario) -> dict[int, OperatorCommand]:
 
 
 def make_loop(
-    scenario: Scenario, connection: Connection, pacer: Pacer, recorder: Recorder
+    scenario: Resolved, connection: Connection, pacer: Pacer, recorder: Recorder
 ) -> ControllerLoop:
     """Put parameters, initial state and ports together."""
     params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
@@ -85,7 +86,7 @@ def make_loop(
     )  # fmt: skip
 
 
-def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the controller to its end; as a service, until it is asked to end.
 
     Raises: RunError when the plant was lost, ConfigError, LinkError

@@ -19,6 +19,9 @@ from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.wire.messages import Message, PistonSample
 
+NEVER_NS = 1 << 62
+"""Longer than any run."""
+
 
 class Params(NamedTuple):
     """What does not change during a run."""
@@ -101,17 +104,26 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     engine = PROTOTYPES[prototype]
     limit = engine.position_limit_m if config.limits.tdc_m is None else config.limits.tdc_m
     full = supervisory.full_load(config, engine)
-    motoring_limit_ns = round(config.start.timeout_s * 1e9)
+    motoring_limit_ns = (
+        round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER_NS
+    )
     model = trimming.model_of(config, engine)
     trimming.check(config, model)
     law = LAWS[config.name]
     return Params(config, engine, law, period_ns, limit, full, motoring_limit_ns, model)
 
 
+def initial_mode(config: ControllerConfig) -> Mode:
+    """The mode in which a run begins; an engine of which no stroke fires is motored throughout."""
+    if not config.running:
+        return Mode.OFF
+    return Mode.GENERATING if any(config.timing.fires) else Mode.MOTORING
+
+
 def initial_state(params: Params) -> State:
     """The state before the first tick: running in the steady state, or off."""
     set_points = supervisory.initial(params.config, params.engine)
-    mode = Mode.GENERATING if params.config.running else Mode.OFF
+    mode = initial_mode(params.config)
     motion = Motion(tdc_m=set_points.tdc_ref_m)
     return State(
         mode, motion, set_points, params.law.initial, NO_DEMAND, NO_PLAN, (),

@@ -27,7 +27,8 @@ from controller.start_restart import Mode
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.supervisory import SetPoints
 from controller.timing import NO_PLAN, Plan
-from hil.wire.messages import FIRING_MODES, PistonSample
+from hil.wire.messages import PistonSample
+from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
@@ -85,8 +86,8 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         burnt_kg, beyond_kg,
     )  # fmt: skip
     messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
-    may_fire = mode in FIRING_MODES
-    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, may_fire)
+    fires = may_fire(mode)
+    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, fires)
 
 
 def _with_spark(

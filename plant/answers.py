@@ -6,11 +6,11 @@ from typing import Final, final
 
 from hil.ports import Link
 from hil.values import Value
+from hil.wire import pulses as wire
 from hil.wire.codec import Decoder, DecoderMemory
 from hil.wire.e2e import MAX_DELTA
-from hil.wire.messages import FIRING_MODES, ControllerTick, MachineCommand, Message, Pulse
+from hil.wire.messages import ControllerTick, MachineCommand, Message, Pulse
 from plant.engines.machine import MachineOrder
-from plant.rig.actuation import PulseOrder
 from plant.rig.state import AS_BEFORE, Command
 
 _COMING_UP_NS: Final = 1_000_000_000
@@ -95,7 +95,7 @@ class Answers:
         for batch in arrived[1:]:
             next_head, next_machine, newer = _read(self.decoder.decode(batch))
             head, machine = next_head or head, next_machine or machine
-            pulses = _superseded(pulses, newer)
+            pulses = wire.superseded(pulses, newer)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
@@ -156,11 +156,4 @@ def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -
     order = None
     if machine is not None:
         order = MachineOrder(machine.mode, machine.force_n, machine.load_coefficient_n_s_m)
-    orders = tuple([PulseOrder(p.channel, p.open_us, p.duration_us) for p in pulses])
-    return Command(order, orders, mode in FIRING_MODES)
-
-
-def _superseded(older: list[Pulse], newer: list[Pulse]) -> list[Pulse]:
-    """Of two answers in one tick the newer one counts, channel by channel."""
-    channels = [pulse.channel for pulse in newer]
-    return [pulse for pulse in older if pulse.channel not in channels] + newer if older else newer
+    return Command(order, wire.orders_of(pulses), wire.may_fire(mode))

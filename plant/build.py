@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from hil.config.plant import PlantConfig, PlantEvent
-from hil.config.scenario import OperatorEvent, Scenario
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
 from plant.engines import build_engine
@@ -34,7 +35,7 @@ def plant_params(
     return rig_params(config, engine, period_ns, seed, dict(events or {}))
 
 
-def make_params(scenario: Scenario) -> PlantParams:
+def make_params(scenario: Resolved) -> PlantParams:
     """The plant's part of a scenario."""
     events = {
         name: event
@@ -44,7 +45,7 @@ def make_params(scenario: Scenario) -> PlantParams:
     return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
 
 
-def begin(scenario: Scenario, params: PlantParams) -> tuple[PlantState, tuple[Event, ...]]:
+def begin(scenario: Resolved, params: PlantParams) -> tuple[PlantState, tuple[Event, ...]]:
     """Where the scenario begins, and the events of that instant.
 
     Raises: ConfigError when the run cannot begin as it is asked to
@@ -54,13 +55,13 @@ def begin(scenario: Scenario, params: PlantParams) -> tuple[PlantState, tuple[Ev
     return initial_state(params, fuel_kg, controller.supervisory.load_coefficient_n_s_m)
 
 
-def patience_ns(scenario: Scenario) -> int:
+def patience_ns(scenario: Resolved) -> int:
     """How long a turn waits for the answer: not at all in real time [ns]."""
     realtime = scenario.loop.clock == "realtime"
     return 0 if realtime else round(scenario.loop.peer_timeout_s * 1e9)
 
 
-def make_pacer(scenario: Scenario, clock: Clock | None = None) -> Pacer:
+def make_pacer(scenario: Resolved, clock: Clock | None = None) -> Pacer:
     """Real time: deadlines and the newest answer, if any. Lockstep: the answer must come."""
     period_ns = scenario.loop.period_ns
     if scenario.loop.clock == "realtime":
@@ -70,7 +71,7 @@ def make_pacer(scenario: Scenario, clock: Clock | None = None) -> Pacer:
 
 
 def make_loop(
-    scenario: Scenario, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
+    scenario: Resolved, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
 ) -> PlantLoop:
     """Put parameters, initial state and ports together; in lockstep the pacer is known.
 
@@ -86,11 +87,11 @@ def make_loop(
     )  # fmt: skip
 
 
-def snapshot_every(scenario: Scenario) -> int:
+def snapshot_every(scenario: Resolved) -> int:
     """How many ticks lie between two snapshots."""
     return max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1)
 
 
-def ticks_of(scenario: Scenario) -> int:
+def ticks_of(scenario: Resolved) -> int:
     """How many ticks the run has."""
     return round(scenario.run.duration_s * scenario.loop.rate_hz)

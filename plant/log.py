@@ -7,11 +7,10 @@ from typing import Final
 from hil.log import topics
 from hil.log.records import together
 from hil.pacing import Slot
-from hil.wire.messages import PULSE_CLOCK_US
+from hil.wire.pulses import PulseOrder, unwrap_ns
 from plant.answers import Answer
 from plant.memory import Measured
 from plant.rig import events as codes
-from plant.rig.actuation import PulseOrder
 from plant.rig.events import Event
 from plant.rig.state import Command, PlantState
 
@@ -93,8 +92,5 @@ def pack_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:
 
 
 def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
-    """(channel, opening, duration) on the run's clock [ns], nearest to now (2^20 us a turn)."""
-    now_us = now_ns // 1000
-    half = PULSE_CLOCK_US // 2
-    ahead_us = (pulse.open_us - now_us + half) % PULSE_CLOCK_US - half
-    return pulse.channel, (now_us + ahead_us) * 1000, pulse.duration_us * 1000
+    """(channel, opening, duration) of an order on the run's clock [ns]."""
+    return pulse.channel, unwrap_ns(pulse.open_us, now_ns), pulse.duration_us * 1000

@@ -231,7 +231,7 @@ class PlantLoop:
             {
                 "tick": slot.tick,
                 "t_s": slot.scheduled_ns * 1e-9,
-                "tdc_mm": abs(state.dead_centre.x_m) * 1e3,
+                "tdc_mm": abs(state.dead_centre.x_m) * 1e3 if state.dead_centre.number else None,
                 "late_us": late_ns // 1000,
                 "late_max_us": self._late_max_ns // 1000,
                 "missed": self.missed,

@@ -20,13 +20,13 @@ from drivers.system.process import (
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import ENDLESS, Heart, Service
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from plant.build import make_loop, make_pacer, ticks_of
 from plant.loop import PlantLoop
 from plant.status import describe, facts, raise_if_lost
 
 
-def run(scenario: Scenario, log: Path | None, service: Service | None = None) -> int:
+def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the plant to its end; as a service, until it is asked to end.
 
     Raises: RunError when the controller was lost, ConfigError, LinkError
@@ -61,7 +61,7 @@ def run(scenario: Scenario, log: Path | None, service: Service | None = None) ->
 
 
 def wait_for_controller(
-    scenario: Scenario, connection: Connection, stop: Stop, service: Service | None
+    scenario: Resolved, connection: Connection, stop: Stop, service: Service | None
 ) -> None:
     """Return when the controller takes part.
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.bus.injectors import (
@@ -27,8 +26,9 @@ from bench.bus.injectors import (
 from bench.bus.rig import Rig
 from bench.run import scenarios
 from bench.run.resolve import resolve
+from hil import compiled
 
-TABLE: Final = Path(__file__).resolve().parent.parent / "docs" / "bus-faults.md"
+TABLE: Final = compiled.root() / "docs" / "bus-faults.md"
 
 
 class Case(NamedTuple):

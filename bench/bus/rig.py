@@ -18,7 +18,7 @@ from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
 from drivers.recorder.client import NullRecorder
 from drivers.zenoh.config import Role
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.pacing import Slot
 from hil.wire.codec import iter_frames
 
@@ -184,7 +184,7 @@ class Tally:
 class Rig:
     """Plant and controller loop on one wire; `turn` runs a tick of both."""
 
-    def __init__(self, scenario: Scenario, fault: Fault) -> None:
+    def __init__(self, scenario: Resolved, fault: Fault) -> None:
         self.scenario = scenario
         self.period_ns = scenario.loop.period_ns
         self.clock = Clock()

@@ -13,12 +13,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from hil import compiled
 from hil.errors import MissingExtraError
 from hil.wire import messages
 from hil.wire.fields import LAYOUTS, Layout, Placed
 
-ROOT = Path(__file__).resolve().parent.parent
-DBC = ROOT / "hil" / "fpeg.dbc"
+ROOT = compiled.root()
+DBC = ROOT / "hil" / "wire" / "fpeg.dbc"
 TABLE = ROOT / "docs" / "messages.md"
 
 CYCLE_MS = 1
@@ -34,8 +35,8 @@ def dbc_text() -> str:
     Raises: MissingExtraError without cantools
     """
     try:
-        from cantools.database import Database  # noqa: PLC0415
-        from cantools.database.can import Message, Node  # noqa: PLC0415
+        from cantools.database import Database
+        from cantools.database.can import Message, Node
     except ImportError:
         raise MissingExtraError("cantools", "desk", "the DBC file") from None
     nodes = [
@@ -62,8 +63,8 @@ def dbc_text() -> str:
 
 def _dbc_signals(layout: Layout) -> list[Any]:
     """CRC, counter, and the declared signals."""
-    from cantools.database.can import Signal  # noqa: PLC0415
-    from cantools.database.conversion import BaseConversion  # noqa: PLC0415
+    from cantools.database.can import Signal
+    from cantools.database.conversion import BaseConversion
 
     selector = next((placed.name for placed in layout.fields if placed.signal.selects), None)
     signals = [

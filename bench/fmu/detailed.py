@@ -16,6 +16,7 @@ from hil.config.detailed import Calibration
 from hil.config.plant import PlantConfig
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Motion, at_rest, begin, engine_of
+from plant.engines.detailed.kernel import electric_power
 from plant.engines.detailed.settle import calibration_of, settle
 from plant.engines.detailed.solver import advance, scratch
 
@@ -91,10 +92,14 @@ def step_object() -> bytes:
         error_model="numpy",
     )  # fmt: skip
     def unit(p, d, y, programme, rows, columns, work, record, records, t_end, stop):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        constants, now, state = carray(p, (n_p,)), carray(d, (n_d,)), carray(y, (n_y,))
+        told = carray(record, (records, n_rec))
+        if stop < 0:
+            told[0, 0] = electric_power(constants, now, state, carray(work, work_shape)[7])
+            return 0
         return advance(
-            carray(p, (n_p,)), carray(d, (n_d,)), carray(y, (n_y,)),
-            carray(programme, (rows, columns, 3)), carray(work, work_shape),
-            carray(record, (records, n_rec)), t_end, stop != 0,
+            constants, now, state, carray(programme, (rows, columns, 3)),
+            carray(work, work_shape), told, t_end, stop != 0,
         )  # fmt: skip
 
     text = unit._library.get_llvm_str().replace(unit.native_name, SYMBOL)

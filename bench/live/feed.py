@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 from bench.run.processes import Status
 from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 
 
 @asynccontextmanager
 async def watch_status(
-    scenario: Scenario, on_status: Callable[[Status], None]
+    scenario: Resolved, on_status: Callable[[Status], None]
 ) -> AsyncIterator[None]:
     """Hand each status that a process publishes to `on_status` while the body runs.
 

@@ -13,8 +13,7 @@ from rich.console import Console
 
 from controller.commands import parse
 from drivers.links import open_operator
-from drivers.system.process import read_scenario
-from hil.config.load import parse_assignment
+from hil.config.load import parse_assignment, read_scenario
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
 

@@ -18,15 +18,16 @@ from bench.run.directory import RunFiles
 from hil import log as logs
 from hil import snapshot
 from hil.config.plant import DETAILED_MODELS
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.log import Log, Span
 from hil.values import replace
-from hil.wire.messages import PULSE_CLOCK_US
+from hil.wire.codec import Decoder
+from hil.wire.messages import ControllerTick
+from hil.wire.pulses import PulseOrder, may_fire, wrap_us
 from plant.build import make_params
 from plant.engines.detailed import layout as at
 from plant.engines.machine import MachineOrder
 from plant.memory import LoopMemory
-from plant.rig.actuation import PulseOrder
 from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
 from plant.rig.step import step
@@ -61,12 +62,12 @@ class Cycle(NamedTuple):
     mean_pressure_pa: float
 
 
-def is_detailed(scenario: Scenario) -> bool:
+def is_detailed(scenario: Resolved) -> bool:
     """Tell whether there is a gas to look into."""
     return scenario.plant.model in DETAILED_MODELS
 
 
-def last_cycle(scenario: Scenario, files: RunFiles) -> tuple[Cycle | None, str]:
+def last_cycle(scenario: Resolved, files: RunFiles) -> tuple[Cycle | None, str]:
     """Run the end of a log again; returns the cycle, or why there is none.
 
     Raises: LogError, MissingExtraError when the compiler of the detailed engine is missing
@@ -118,7 +119,11 @@ def _run_again(p: PlantParams, s: PlantState, log: Log, span: Span) -> tuple[Fin
         p, period_ns=p.period_ns // parts, dt_s=p.dt_s / parts, stale_ticks=p.stale_ticks * parts,
         delay_ticks=0,
     )  # fmt: skip
-    orders = {int(row["tick"]): _command(row) for row in log.array("/actuator", span)}
+    modes = _modes(log, span)
+    orders = {
+        int(row["tick"]): _command(row, modes[int(row["tick"])])
+        for row in log.array("/actuator", span)
+    }
     truth = log.array("/truth", span)
     s = replace(s, tick=s.tick * parts, waiting=())
     times, ys, ds, apart_m = [], [], [], 0.0
@@ -134,16 +139,28 @@ def _run_again(p: PlantParams, s: PlantState, log: Log, span: Span) -> tuple[Fin
     return Fine(np.array(times), np.array(ys), np.array(ds)), apart_m
 
 
-def _command(row: Any) -> Command:  # noqa: ANN401
+def _modes(log: Log, span: Span) -> dict[int, int]:
+    """The operating mode of the newest answer to each tick that was answered."""
+    decoder = Decoder("controller")
+    modes = {}
+    for record in log.records("/frames/received", span):
+        decoder.forget_counters()  # the plant has judged them
+        for message in decoder.decode(record.data):
+            if type(message) is ControllerTick:
+                modes[int(record.tick)] = message.mode
+    return modes
+
+
+def _command(row: Any, mode: int) -> Command:  # noqa: ANN401
     """The orders of a tick as the plant took them."""
     count = int(row["pulse_count"])
     columns = (row["pulse_channel"], row["pulse_open_t_ns"], row["pulse_duration_ns"])
     pulses = tuple(
-        PulseOrder(int(channel), int(open_ns) // 1000 % PULSE_CLOCK_US, int(long_ns) // 1000)
+        PulseOrder(int(channel), wrap_us(int(open_ns)), int(long_ns) // 1000)
         for channel, open_ns, long_ns in zip(*(c[:count] for c in columns), strict=True)
     )
     force, load = float(row["force_n"]), float(row["load_coefficient_n_s_m"])
-    return Command(MachineOrder(int(row["mode"]), force, load), pulses)
+    return Command(MachineOrder(int(row["mode"]), force, load), pulses, may_fire(mode))
 
 
 def _cycle(p: PlantParams, fine: Fine) -> Cycle | None:

@@ -14,10 +14,10 @@ import controller.step
 import plant.build
 from controller import state as control
 from controller.actuator import MAX_PULSES
-from hil.config.scenario import Scenario
-from hil.wire.messages import PULSE_CLOCK_US, PistonSample
+from hil.config.resolved import Resolved
+from hil.wire.messages import PistonSample
+from hil.wire.pulses import PulseOrder, wrap_us
 from plant.engines.machine import MachineOrder
-from plant.rig.actuation import PulseOrder
 from plant.rig.events import Event
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
@@ -32,7 +32,7 @@ class Course(NamedTuple):
     mode: str
 
 
-def simulate(scenario: Scenario) -> Course:
+def simulate(scenario: Resolved) -> Course:
     """Run a resolved scenario in lockstep."""
     params = plant.build.make_params(scenario)
     state, events = plant.build.begin(scenario, params)
@@ -65,7 +65,7 @@ def _command_of(output: control.Output) -> Command:
     """What the plant would decode of an answer."""
     machine = MachineOrder(*output.machine)
     pulses = tuple(
-        PulseOrder(p.channel, p.open_ns // 1000 % PULSE_CLOCK_US, p.duration_ns // 1000)
+        PulseOrder(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000)
         for p in output.pulses[:MAX_PULSES]
     )
     return Command(machine, pulses, output.may_fire)

@@ -6,20 +6,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from bench.run import engine_defaults, fmu_defaults
 from controller.supervisory import target_load
-from hil.config.load import describe
-from hil.config.plant import PlantConfig
+from hil.config.check import check
 from hil.config.prototypes import Prototype
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
-
-NOMINAL_FUEL_KG = 2.8185e-6
-"""Fuel that holds 15.5 mm in the linear models of the Newcastle engine (thesis eq. 5.60)."""
 
 _SLOPE_STEP = 0.01
 
@@ -27,7 +22,7 @@ _SLOPE_STEP = 0.01
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
 
 
-def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
+def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     """Return the scenario with set point, loads, limits, preset and endpoints all given.
 
     Parameters: sockets : directory for the Zenoh sockets of this run, with a short path; None
@@ -45,22 +40,12 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
     if engine_defaults.is_detailed(scenario):
         engine_defaults.fill(scenario, tree)
     else:
-        prototype = _prototype(scenario)
+        prototype = scenario.plant.resolved_prototype()
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
-    try:
-        return Scenario.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(describe(error, scenario.name)) from None
-
-
-def _prototype(scenario: Scenario) -> Prototype:
-    try:
-        return scenario.plant.resolved_prototype()
-    except ValidationError as error:
-        raise ConfigError(f"{scenario.name}: plant.engine: {error.errors()[0]['msg']}") from None
+    return check(Resolved, tree, scenario.name)
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
@@ -73,24 +58,13 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
         tree["supervisory"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
     if given.limits.tdc_m is None:
         tree["limits"]["tdc_m"] = prototype.position_limit_m
+    if "fuel_max_kg" not in given.limits.model_fields_set:
+        tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
     engine = constants_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:
-        tree["open_loop"]["fuel_kg"] = fixed_fuel_kg(scenario.plant)
+        tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
-
-
-def fixed_fuel_kg(plant: PlantConfig) -> float:
-    """Return the fuel of open-loop operation where none is given.
-
-    The models of one engine share one figure, so that their motions can be compared; on it the
-    non-linear one strikes the head. The Beijing engine runs at wide open throttle (thesis section
-    5.2), as far as an injector can feed it.
-    """
-    prototype = plant.resolved_prototype()
-    if plant.prototype == "bit":
-        return min(prototype.full_throttle_fuel_kg, prototype.fuel_max_kg)
-    return NOMINAL_FUEL_KG
 
 
 def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:

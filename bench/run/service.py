@@ -13,9 +13,10 @@ import sys
 from pathlib import Path
 
 from bench.run.resolve import resolve
-from drivers.system.process import guarded, read_scenario
+from drivers.system.process import guarded
 from drivers.system.service import Service, log_file
-from hil.config.scenario import Scenario
+from hil.config.load import read_scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
 
@@ -24,7 +25,7 @@ def serve(process: str, config: Path, logs: Path | None) -> int:
 
     Raises: HilError with the line that goes to the journal
     """
-    scenario = checked(resolve(read_scenario(config)), config)
+    scenario = read(config)
     service = Service(process, scenario.loop.rate_hz)
     if process == "sensors":
         from drivers.analog.source import run as run_sensors
@@ -40,11 +41,12 @@ def serve(process: str, config: Path, logs: Path | None) -> int:
     return run_controller(scenario, log, service)
 
 
-def checked(scenario: Scenario, config: Path) -> Scenario:
-    """Refuse what only a run of the bench can do.
+def read(config: Path) -> Resolved:
+    """Read and resolve the scenario of a service; refuse what only a run of the bench can do.
 
     Raises: ConfigError
     """
+    scenario = resolve(read_scenario(config))
     if scenario.loop.clock != "realtime":
         raise ConfigError(f"{config}: loop.clock: a service runs in real time only")
     if scenario.link.kind == "memory":
@@ -54,7 +56,7 @@ def checked(scenario: Scenario, config: Path) -> Scenario:
 
 def prepare_set_points(config: Path, out: Path) -> int:
     """Check a changed configuration and leave its set points where the controller finds them."""
-    controller = checked(resolve(read_scenario(config)), config).controller
+    controller = read(config).controller
     power_w = controller.supervisory.target_power_w
     command = {"kind": "set-point", "tdc_ref_m": controller.tdc_ref_m}
     if power_w is not None:

@@ -16,16 +16,16 @@ from drivers.channels import MemoryStatus
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.system.clock import SystemClock
-from drivers.system.process import Stop, guarded, last_words, open_recorder, read_scenario
+from drivers.system.process import Stop, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved, read_resolved
 from hil.ports import Link
 from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
 
 
-def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None) -> int:
+def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None) -> int:
     """Run both loops in turn: the controller answers inside the plant's send.
 
     Raises: ConfigError
@@ -102,7 +102,7 @@ def main() -> int:
     parser.add_argument("--plant-log", type=Path)
     parser.add_argument("--controller-log", type=Path)
     given = parser.parse_args()
-    return guarded(lambda: run(read_scenario(given.config), given.plant_log, given.controller_log))
+    return guarded(lambda: run(read_resolved(given.config), given.plant_log, given.controller_log))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
+from bench.judge.response import Response
 from hil.errors import ConfigError
 from plant.engines.fast.combustion import Burn, energy_j
 from plant.engines.fast.constants import Constants
@@ -18,7 +19,6 @@ from plant.engines.fast.limit_cycle import fuel_for_tdc
 from plant.engines.fast.linear import NO_STOP
 from plant.engines.fast.paths import advance, path_of
 
-BAND_MM = 0.1
 FUEL_RANGE_KG = (0.2e-6, 6.0e-6)
 """What an injector can give (thesis section 6.3 uses a narrower window for one case)."""
 
@@ -35,29 +35,6 @@ class LoadChange(NamedTuple):
 
     at_s: float
     load_n_s_m: float
-
-
-class Bound(NamedTuple):
-    """Dead centres after the disturbance: seconds after it, TDC errors [mm], fuels [kg].
-
-    fuel_kg[j] burns at the dead centre of times_s[j].
-    """
-
-    times_s: tuple[float, ...]
-    errors_mm: tuple[float, ...]
-    fuel_kg: tuple[float, ...]
-
-    @property
-    def peak_mm(self) -> float:
-        """Largest error."""
-        return max(abs(error) for error in self.errors_mm)
-
-    @property
-    def settling_ms(self) -> float:
-        """From the disturbance to the first dead centre after the last one outside the band."""
-        outside = [i for i, error in enumerate(self.errors_mm) if abs(error) > BAND_MM]
-        first = outside[-1] + 1 if outside else 0
-        return 1e3 * self.times_s[first] if first < len(self.times_s) else float("inf")
 
 
 class _End(NamedTuple):
@@ -135,8 +112,8 @@ def bound(
     strokes: int = 12,
     efficiencies: Sequence[float] = (),
     limits_kg: tuple[float, float] = FUEL_RANGE_KG,
-) -> Bound:
-    """Least TDC errors after disturbances that begin within a stroke of the settled constants.
+) -> Response:
+    """Least TDC errors after disturbances that begin within a stroke of the settled engine.
 
     Parameters: load_n_s_m : load until the first change; changes : in order, at_s from the dead
     centre at which the first stroke begins; knowledge : `full` decides at the dead centre,
@@ -158,7 +135,7 @@ def bound(
         errors.append((end.tdc_m - tdc_ref_m) * 1e3)
         fuels.append(fuel)
         start = end.tdc_m
-    return Bound(tuple(times), tuple(errors), tuple(fuels))
+    return Response(tuple(times), tuple(errors), fuel_kg=tuple(fuels))
 
 
 def _from(changes: Sequence[LoadChange], before: float, t: float) -> tuple[LoadChange, ...]:
@@ -191,7 +168,7 @@ def _chosen(
 def step_bound(
     constants: Constants, tdc_ref_m: float, load_n_s_m: float, scale: float, fraction: float,
     knowledge: Knowledge = "full", strokes: int = 12,
-) -> Bound:  # fmt: skip
+) -> Response:  # fmt: skip
     """The bound after a load step at a fraction of the undisturbed stroke."""
     fuel = fuel_for_tdc(constants, tdc_ref_m, load_n_s_m)
     duration = stroke_end(constants, tdc_ref_m, fuel, (LoadChange(0.0, load_n_s_m),)).duration_s

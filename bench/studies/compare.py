@@ -11,10 +11,12 @@ from bench.judge.response import Response
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
-from bench.studies.bound import Bound, Informed, step_bound
+from bench.studies.bound import Informed, step_bound
+from hil.config.base import read_toml
 from hil.config.controller import ControllerName
-from hil.config.load import build, parse_assignment, read_toml, with_override
+from hil.config.load import build, parse_assignment, with_override
 from hil.config.plant import LoadScaleEvent
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.engines.fast.constants import constants_of
@@ -44,12 +46,12 @@ class Cell(NamedTuple):
 class Comparison(NamedTuple):
     """All that is drawn and told; the bounds are None for a model that has none."""
 
-    scenario: Scenario
+    scenario: Resolved
     event: str
     loads: tuple[float, ...]
     laws: tuple[str, ...]
     cells: dict[tuple[str, float, str], Cell]
-    bounds: dict[tuple[float, str, str], Bound]
+    bounds: dict[tuple[float, str, str], Response]
 
 
 def run(
@@ -129,7 +131,7 @@ def _shortened(tree: Tree, event: str) -> Tree:
     return with_override(tree, f"events.{event}.at_s", EVENT_S)
 
 
-def _cell(tree: Tree, base: Scenario, event: str, law: str, load: float, moment: str) -> Cell:
+def _cell(tree: Tree, base: Resolved, event: str, law: str, load: float, moment: str) -> Cell:
     """One law, one step."""
     strokes, fraction = MOMENTS[moment]
     stroke_s = base.controller.preset.stroke_s or 0.0
@@ -164,7 +166,7 @@ def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) 
     return Cell(law, load, moment, response, fuels, ", ".join(faults))
 
 
-def _bounds(base: Scenario, loads: Sequence[float]) -> dict[tuple[float, str, str], Bound]:
+def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, str], Response]:
     """The bound with full and with mid-stroke knowledge, for the models that have one."""
     find = _bound_of(base)
     found = {}
@@ -179,7 +181,7 @@ def _bounds(base: Scenario, loads: Sequence[float]) -> dict[tuple[float, str, st
     return found
 
 
-def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | None:
+def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
     """The function from load, moment in the stroke and knowledge to the bound of an engine."""
     plant, controller = base.plant, base.controller
     ref_m = controller.tdc_ref_m or 0.0
@@ -199,7 +201,7 @@ def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | Non
     )
 
 
-def excess(cell: Cell, bound: Bound | None) -> float:
+def excess(cell: Cell, bound: Response | None) -> float:
     """How far a peak is above the bound, as a share; nan without one."""
     if bound is None or not cell.response.errors_mm:
         return math.nan

@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.judge.response import BAND_MM, Response
 from bench.report.page import STYLE
-from bench.studies.bound import Bound
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison
 from hil.errors import MissingExtraError
 
@@ -21,7 +21,6 @@ COLOURS = {
     "observer": "#7a4fa3", "machine": "#2a9d6f", NO_CONTROL: "#b9c0ca",
 }  # fmt: skip
 BOUND, BAND = "#c0392b", "#2a9d6f"
-_BAND_MM = 0.1
 _SHOWN_S = 0.35
 
 
@@ -48,7 +47,7 @@ def _row(first: str, cells: list[str]) -> str:
     return f"| {first} | " + " | ".join(cells) + " |"
 
 
-def _pair(bound: Bound | None) -> str:
+def _pair(bound: Response | None) -> str:
     return "-" if bound is None else f"{bound.peak_mm:.3f} / {_ms(bound.settling_ms)}"
 
 
@@ -151,14 +150,14 @@ def _line(axes: Axes, times_s: object, values: object, colour: str, label: str) 
     axes.plot(times, values, "-o", markersize=3.0, color=colour, label=label)  # type: ignore[arg-type]
 
 
-def _bound_line(axes: Axes, bound: Bound | None) -> None:
+def _bound_line(axes: Axes, bound: Response | None) -> None:
     if bound is not None:
         axes.plot([1e3 * t for t in bound.times_s], bound.errors_mm, ":s", color=BOUND,
                   markersize=5.0, markerfacecolor="none", label="physical bound")  # fmt: skip
 
 
 def _dress(axes: Axes, title: str) -> None:
-    axes.axhspan(-_BAND_MM, _BAND_MM, color=BAND, alpha=0.16, lw=0)
+    axes.axhspan(-BAND_MM, BAND_MM, color=BAND, alpha=0.16, lw=0)
     axes.set_xlim(0.0, 1e3 * _SHOWN_S)
     axes.set_title(title)
     axes.set_ylabel("TDC error  [mm]")

@@ -11,19 +11,20 @@ the controller believes. One set of gains for all of them (docs/tuning.md).
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bench.judge.response import Response
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
-from hil.config.load import build, read_toml, with_override
-from hil.config.scenario import Scenario
+from hil.config.base import read_toml
+from hil.config.controller import ControllerConfig
+from hil.config.load import build, with_override
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-BAND_MM = 0.1
 MODELS = ("harmonic", "rectangular")
 LOADS = (0.85, 1.15)
 FRACTIONS = (0.25, 0.75)
@@ -65,31 +66,6 @@ OTHER_ENGINES = tuple(
     )
 )  # fmt: skip
 """Engines that the controller does not know of: the robustness constraint."""
-
-
-class Result(NamedTuple):
-    """TDC errors [mm] after the step with their times [s], and what is read off them."""
-
-    times_s: tuple[float, ...]
-    errors_mm: tuple[float, ...]
-
-    @property
-    def peak_mm(self) -> float:
-        """Largest error."""
-        return max((abs(error) for error in self.errors_mm), default=math.inf)
-
-    @property
-    def late_mm(self) -> float:
-        """Largest error after `LATE_S`: the margin that settling has in its band."""
-        pairs = zip(self.times_s, self.errors_mm, strict=True)
-        return max((abs(error) for t, error in pairs if t > LATE_S), default=math.inf)
-
-    @property
-    def settling_ms(self) -> float:
-        """From the step to the first dead centre after the last one outside the band."""
-        outside = [i for i, error in enumerate(self.errors_mm) if abs(error) > BAND_MM]
-        first = outside[-1] + 1 if outside else 0
-        return 1e3 * self.times_s[first] if first < len(self.times_s) else float("inf")
 
 
 class Tunable(NamedTuple):
@@ -137,22 +113,22 @@ def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
     return tree
 
 
-def scenario_of(cell: Cell, law: str, gains: Gains) -> Scenario:
+def scenario_of(cell: Cell, law: str, gains: Gains) -> Resolved:
     """The resolved scenario of a cell."""
     return resolve(build(tree_of(cell, law, gains), str(cell)))
 
 
-def judge(cell: Cell, law: str, gains: Gains) -> Result:
+def judge(cell: Cell, law: str, gains: Gains) -> Response:
     """Run one cell."""
     scenario = scenario_of(cell, law, gains)
     return read_off(simulate(scenario), scenario.controller.tdc_ref_m or 0.0)
 
 
-def read_off(course: Course, tdc_ref_m: float) -> Result:
+def read_off(course: Course, tdc_ref_m: float) -> Response:
     """TDC errors from the load step on."""
     step_ns = next(event.t_ns for event in course.events if event.code == "disturbance")
     after = [dc for dc in course.dead_centres if dc.t_ns > step_ns]
-    return Result(
+    return Response(
         tuple((dc.t_ns - step_ns) * 1e-9 for dc in after),
         tuple((abs(dc.x_m) - tdc_ref_m) * 1e3 for dc in after),
     )
@@ -171,8 +147,8 @@ def cost(law: str, vector: Sequence[float]) -> float:
     if any(len(result.errors_mm) < FEWEST_STROKES for result in results + others):
         return UNSETTLED
     squares = sum(min(abs(e), 5.0) ** 2 for result in results for e in result.errors_mm)
-    beyond = max(max(result.late_mm for result in others) - ROBUST_MM, 0.0)
-    return max(result.late_mm for result in results) + 1e-3 * squares + 10.0 * beyond
+    beyond = max(max(result.peak_after_mm(LATE_S) for result in others) - ROBUST_MM, 0.0)
+    return max(result.peak_after_mm(LATE_S) for result in results) + 1e-3 * squares + 10.0 * beyond
 
 
 def looked_for(law: str, start: Gains, generations: int) -> Gains:
@@ -193,7 +169,7 @@ def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
     found = {}
     for key in TUNABLE[law].keys:
-        value: Any = getattr(Scenario().controller, TUNABLE[law].section)
+        value: Any = getattr(ControllerConfig(), TUNABLE[law].section)
         for part in key.split("."):
             value = getattr(value, part)
         found[key] = float(value)
@@ -207,7 +183,7 @@ def table(law: str, gains: Gains) -> str:
         result = judge(cell, law, gains)
         lines.append(
             f"  {cell}: peak {result.peak_mm:.3f} mm, settles in {result.settling_ms:.0f} ms,"
-            f" at most {result.late_mm:.3f} mm after {1e3 * LATE_S:.0f} ms"
+            f" at most {result.peak_after_mm(LATE_S):.3f} mm after {1e3 * LATE_S:.0f} ms"
         )
     return "\n".join(lines)
 

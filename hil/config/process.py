@@ -12,6 +12,12 @@ from hil.config.base import Section
 ClockName = Literal["lockstep", "realtime"]
 LinkName = Literal["zenoh", "can", "memory", "shm"]
 
+STATUS_HZ = 10
+"""How often a loop tells its status."""
+
+SNAPSHOT_HZ = 4
+"""How often it records all that it remembers."""
+
 
 class RunConfig(Section):
     """One run: how long, with which seed."""
@@ -31,6 +37,16 @@ class LoopConfig(Section):
     def period_ns(self) -> int:
         """Length of a tick [ns]."""
         return round(1e9 / self.rate_hz)
+
+    @property
+    def status_every(self) -> int:
+        """Ticks from one status to the next."""
+        return max(self.rate_hz // STATUS_HZ, 1)
+
+    @property
+    def snapshot_every(self) -> int:
+        """Ticks from one snapshot to the next."""
+        return max(self.rate_hz // SNAPSHOT_HZ, 1)
 
 
 class TlsConfig(Section):

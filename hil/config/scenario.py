@@ -44,7 +44,7 @@ class Expectation(Section):
 
     within_mm: the first TDC after the last one farther off its set point comes by then
     peak_mm: no TDC error at all exceeds this, from then on
-    mode: operating mode at the end
+    mode: operating mode at the end; running is generating, or motoring where no stroke fires
     at_rest: the piston's last speed is below 1 cm/s
     contacts: how many head contacts are allowed
     misfires_min: at least so many misfires must have been reported by the plant
@@ -54,7 +54,7 @@ class Expectation(Section):
     after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
     within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
     peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: Literal["off", "motoring", "generating", "stopping", "safe"] | None = None
+    mode: Literal["off", "motoring", "generating", "stopping", "safe", "running"] | None = None
     at_rest: bool | None = None
     contacts: int | None = Field(default=None, ge=0)
     misfires_min: int | None = Field(default=None, ge=0)
@@ -77,6 +77,11 @@ class Scenario(Section):
     outputs: OutputsConfig = OutputsConfig()
     events: dict[str, Event] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks the run has."""
+        return round(self.run.duration_s * self.loop.rate_hz)
 
     @model_validator(mode="after")
     def _bus_carries_the_rate(self) -> Scenario:

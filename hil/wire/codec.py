@@ -105,8 +105,8 @@ def _unpack_field(placed: Placed) -> list[str]:
     ]
 
 
-def _refusal(layout: Layout, placed: Placed, value: float) -> str:
-    """What is wrong with a value: message, signal, value and range."""
+def _refusal(layout: Layout, placed: Placed, value: object) -> str:
+    """What is wrong with a value: message, signal, value (an integer as one) and range."""
     low, high = (raw * placed.signal.scale for raw in placed.signal.raw_range)
     accepted = f"accepted {low:.10g} to {high:.10g} {placed.signal.unit}".rstrip()
     return f"{layout.name}.{placed.name} = {value!r}: {accepted}"
@@ -127,7 +127,7 @@ def _no_number(message: _messages.Message) -> str:
 def _compile(layout: Layout) -> tuple[Callable[[Any], int], Callable[[int], Any]]:
     """Turn a layout into two functions; a loop over signals would cost three times as much."""
 
-    def fail(name: str, value: float) -> None:
+    def fail(name: str, value: object) -> None:
         placed = next(p for p in layout.fields if p.name == name)
         raise CodecError(_refusal(layout, placed, value))
 

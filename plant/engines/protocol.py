@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any, Final, final
 
+from mypy_extensions import mypyc_attr
+
 from hil.values import Value
 from plant.engines.machine import Machine
 
@@ -190,6 +192,7 @@ class Sensed(Value):
         self.electric_power_w = electric_power_w
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)  # an engine of a user need not be compiled
 class Engine:
     """An engine: `begin`, `advance`, `sensed`; the rest only where its physics has a use for it.
 

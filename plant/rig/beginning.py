@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from hil.errors import ConfigError
 from hil.values import replace
+from hil.wire.messages import VALVES
+from hil.wire.pulses import lines_for
 from plant.engines.machine import GENERATOR, IDLE, MachineOrder
 from plant.engines.protocol import (
     AT_DEAD_CENTRE,
@@ -15,7 +17,7 @@ from plant.engines.protocol import (
     Stop,
 )
 from plant.rig import charges, disturbances
-from plant.rig.actuation import CHANNELS, Line, PulseTable
+from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.orders import obey
@@ -46,7 +48,7 @@ def _at(p: PlantParams, motion: Motion) -> PlantState:
         motion=motion,
         stroke=Stroke(0, 1, 0, 0.0, NO_CHARGE),
         machine=IDLE,
-        pulses=PulseTable(lines=(Line(),) * (CHANNELS + p.engine.valves)),
+        pulses=Actuation(lines_for(VALVES[0] + p.engine.valves)),
         disturbances=Disturbances(),
         dead_centre=DeadCentre(0, 0, 0.0, 0.0, 1.0),
         lit=NO_CHARGE,

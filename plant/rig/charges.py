@@ -101,7 +101,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
     else:
         lit = Charge(fuel, eta)
     pulses = actuation.scavenge(s.pulses, p.injector, side, t_ns)
-    pulses = pulses._replace(spark_ns=s.pulses.spark_ns)  # this one is known: no charge goes unlit
+    pulses = replace(pulses, spark_ns=s.pulses.spark_ns)  # this one is known: no charge goes unlit
     return replace(s, motion=motion, pulses=pulses, disturbances=d, lit=lit)
 
 
@@ -121,7 +121,7 @@ def ahead(
     """
     d = preview(p, s.disturbances, until_ns)
     pulses = s.pulses
-    if pulses.next_edge_ns <= until_ns:
+    if pulses.table.next_edge_ns <= until_ns:
         pulses = actuation.advance(pulses, p.injector, until_ns)
     eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
     fuels, sparks = [], []

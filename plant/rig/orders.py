@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from hil.values import replace
+from hil.wire import pulses
+from hil.wire.pulses import PulseOrder
 from plant.engines.machine import GENERATOR, MOTOR, OFF, Machine, MachineOrder
 from plant.rig import actuation
-from plant.rig.actuation import NEVER_NS, PulseOrder
 from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
 from plant.rig.params import PlantParams
 from plant.rig.state import AS_BEFORE, Command, PlantState
+
+_NO_PULSES: Final[tuple[PulseOrder, ...]] = ()
 
 
 def delayed(
@@ -43,25 +47,27 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
     order = command.machine
     if order is not None and order is not s.machine.order and order != s.machine.order:
         s = _reorder(p, s, order, now_ns, events)
-    if not command.may_fire:
-        return _shut(p, s, now_ns) if s.pulses.next_edge_ns < NEVER_NS else s
-    return _take_pulses(s, command.pulses, now_ns, events) if command.pulses else s
+    if command.may_fire and not command.pulses:
+        return s
+    return _lines(p, s, command.may_fire, command.pulses, events)
 
 
-def _take_pulses(
-    s: PlantState, orders: tuple[PulseOrder, ...], now_ns: int, events: list[Event]
-) -> PlantState:
-    """Enter the pulses that are new, and tell which were refused."""
-    pulses, refused = actuation.receive(s.pulses, orders, now_ns)
+def _lines(
+    p: PlantParams, s: PlantState, fires: bool, ordered: tuple[PulseOrder, ...],
+    events: list[Event],
+) -> PlantState:  # fmt: skip
+    """Let the lines follow what was ordered of them, and tell which pulses were refused."""
+    now_ns = s.tick * p.period_ns
+    table, refused = pulses.follow(s.pulses.table, fires, ordered, now_ns)
+    if table is s.pulses.table:
+        return s
     for reason, pulse in refused:
         text = f"{reason}: channel {pulse.channel}, open {pulse.open_us} us"
         events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
-    return s if pulses is s.pulses else replace(s, pulses=pulses)
-
-
-def _shut(p: PlantParams, s: PlantState, now_ns: int) -> PlantState:
-    """Close the injectors and forget every pulse to come."""
-    return replace(s, pulses=actuation.shut(s.pulses, p.injector, now_ns))
+    after = actuation.with_table(s.pulses, table)
+    if not fires:
+        after = actuation.advance(after, p.injector, now_ns)
+    return replace(s, pulses=after)
 
 
 def _reorder(
@@ -83,7 +89,7 @@ def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     now_ns = s.tick * p.period_ns
     text = f"no valid command for {s.stale} ticks: injectors closed, ignition off, machine braking"
     events.append(Event(now_ns, SAFE_STATE, text))
-    return _reorder(p, _shut(p, s, now_ns), safe_order(p), now_ns, events)
+    return _reorder(p, _lines(p, s, False, _NO_PULSES, events), safe_order(p), now_ns, events)
 
 
 def safe_order(p: PlantParams) -> MachineOrder:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Final, final
 
 from hil.values import Value
+from hil.wire.pulses import PulseOrder
 from plant.engines.machine import Machine, MachineOrder
 from plant.engines.protocol import Charge, Motion
-from plant.rig.actuation import PulseOrder, PulseTable
+from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances
 
 
@@ -87,7 +88,7 @@ class PlantState(Value):
         motion: Motion,
         stroke: Stroke,
         machine: Machine,
-        pulses: PulseTable,
+        pulses: Actuation,
         disturbances: Disturbances,
         dead_centre: DeadCentre,
         lit: Charge,

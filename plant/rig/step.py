@@ -10,10 +10,11 @@ from __future__ import annotations
 from typing import Final
 
 from hil.values import replace
+from hil.wire.messages import VALVES
 from plant.engines.machine import Machine
 from plant.engines.protocol import BY_SPARK, OF_ITS_OWN, Ahead, Inputs, Moved
 from plant.rig import actuation, charges, orders
-from plant.rig.actuation import VALVES, PulseTable
+from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
 from plant.rig.events import Event
 from plant.rig.params import PlantParams
@@ -41,7 +42,7 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     if s.machine is not before and _differ(s.machine, before):
         s = act(p, s, s.tick * p.period_ns, events)
     due_s = s.motion.tau_s + p.dt_s
-    if due_s < s.disturbances.due_s and s.pulses.next_edge_ns > (s.tick + 1) * p.period_ns:
+    if due_s < s.disturbances.due_s and s.pulses.table.next_edge_ns > (s.tick + 1) * p.period_ns:
         motion = p.engine.coast(s.motion, p.dt_s)
         if motion is not None:
             return PlantState(
@@ -80,7 +81,7 @@ def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: in
         until_ns = min(max(round(due_ns), round(now_ns) + 1), end_ns)
     return Ahead(
         start_ns=start_ns, end_ns=end_ns, dt_s=p.dt_s, now_ns=now_ns, used_s=used_s,
-        until_ns=until_ns, edge_ns=s.pulses.next_edge_ns, due_s=due_s, due_ns=due_ns,
+        until_ns=until_ns, edge_ns=s.pulses.table.next_edge_ns, due_s=due_s, due_ns=due_ns,
         stroke_ns=s.stroke.start_ns, part=part,
     )  # fmt: skip
 
@@ -94,10 +95,10 @@ def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
     return Inputs(s.machine, valves, _NO_FUEL, _NO_SPARK)
 
 
-def _levels(pulses: PulseTable) -> tuple[int, ...]:
+def _levels(pulses: Actuation) -> tuple[int, ...]:
     """Level of each valve line, -1 before its first pulse."""
     levels = []
-    for line in pulses.lines[VALVES:]:
+    for line in pulses.table.lines[VALVES[0] :]:
         used = line.open is not None or line.last is not None
         levels.append(int(line.open is not None) if used else -1)
     return tuple(levels)
@@ -120,7 +121,7 @@ def _arrive(
 def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Let the lines change their levels; a spark lights its charge at once."""
     before = s.pulses.spark_ns
-    pulses = actuation.advance(s.pulses, p.injector, s.pulses.next_edge_ns)
+    pulses = actuation.advance(s.pulses, p.injector, s.pulses.table.next_edge_ns)
     s = replace(s, pulses=pulses)
     for side in (charges.LEFT, charges.RIGHT):
         if pulses.spark_ns[side] > before[side]:

@@ -1,8 +1,8 @@
 """A plant with a perfect controller: right fuel, spark 1 ms before each dead centre."""
 
 from hil.config.plant import InjectorConfig, PlantConfig
+from hil.wire.pulses import PulseOrder
 from plant.build import plant_params
-from plant.rig.actuation import PulseOrder
 from plant.rig.beginning import initial_state
 from plant.rig.state import Command
 from plant.rig.step import step

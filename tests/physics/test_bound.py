@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from bench.studies.bound import Bound, LoadChange, bound, deadbeat_fuel, step_bound, stroke_end
+from bench.judge.response import Response
+from bench.studies.bound import LoadChange, bound, deadbeat_fuel, step_bound, stroke_end
 from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError
 from plant.engines.fast.constants import constants_of
@@ -91,7 +92,7 @@ def test_a_weak_combustion_costs_one_stroke():
 
 
 def test_settling_of_a_bound_that_never_leaves_the_band_is_the_first_dead_centre():
-    assert Bound((0.02, 0.04), (0.05, 0.0), (1e-6, 1e-6)).settling_ms == pytest.approx(20.0)
+    assert Response((0.02, 0.04), (0.05, 0.0)).settling_ms == pytest.approx(20.0)
 
 
 def test_no_settled_motion_is_said_so():

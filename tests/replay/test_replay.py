@@ -76,6 +76,7 @@ def test_one_ulp_in_a_law_is_found_in_the_tick_in_which_it_is_worked_out(
     assert outcome.found.around
 
 
+@pytest.mark.interpreted("replaces a function of the plant's step")
 def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
     calls = 0
     original = linear.evaluate
@@ -94,6 +95,7 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
     assert difference.replayed == nudge(difference.recorded)
 
 
+@pytest.mark.interpreted("replaces a function of a law")
 def test_the_command_tells_both_values_and_the_strokes_around(run_directory, monkeypatch, capsys):
     def other(*arguments):
         state, terms = pi.pi_step(*arguments)

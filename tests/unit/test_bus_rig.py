@@ -55,7 +55,7 @@ def test_no_injector_stays_open_when_the_controller_falls_silent():
     for silent in range(100, 125):
         rig = rig_of(lambda f, t, s=silent: f.sender == "controller" and t >= s, 0.2)
         assert rig.plant_is_safe
-        assert all(line.open is None for line in rig.plant.state.pulses.lines)
+        assert all(line.open is None for line in rig.plant.state.pulses.table.lines)
 
 
 @pytest.mark.parametrize("kind", [HEAD, SAMPLE])

@@ -24,8 +24,8 @@ class TickLoop:
     def turn(self, batch):
         if batch is None:
             self.tick += 1
-        elif batch > self.tick:
-            self.tick = batch
+        else:
+            self.tick = max(self.tick, int.from_bytes(batch, "big"))
 
 
 class Samples:
@@ -37,7 +37,8 @@ class Samples:
 
     def wait(self, _timeout_ns):
         time.sleep(self.gap_s)
-        return self.left.pop(0) if self.left else None
+        tick = self.left.pop(0) if self.left else None
+        return None if tick is None else tick.to_bytes(4, "big")
 
     def peer_alive(self):
         return True

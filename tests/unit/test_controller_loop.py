@@ -308,6 +308,32 @@ def test_safe_state_is_a_fault_in_the_log_with_its_reason():
     assert bench.answers()[-1][1][0].mode == int(Mode.SAFE)
 
 
+def stroked(bench, ticks, period=50):
+    """Let the piston oscillate with 15.5 mm, two strokes in `period` ticks."""
+    for tick in range(ticks):
+        phase = 2.0 * math.pi * tick / period
+        x_m, v_m_s = -0.0155 * math.cos(phase), 0.0155 * 2e3 * math.pi / period * math.sin(phase)
+        bench.loop.turn(bench.batch(tick, x_m, v_m_s))
+
+
+def test_status_has_the_fuel_of_the_last_finished_stroke_at_every_instant():
+    bench = Bench()
+    bench.loop._status_every = 1
+    stroked(bench, 400)
+    fuels = [status["fuel_mg"] for status in bench.status]
+    assert fuels[0] is None
+    burnt = [s["fuel_kg"] * 1e6 for s in bench.log.of("/stroke")][1:]
+    assert min(burnt) > 1.0
+    assert set(fuels[100:]) <= set(burnt)
+
+
+def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
+    bench = Bench(running=False)
+    bench.turn(0)
+    (status,) = bench.status
+    assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)
+
+
 def test_status_is_told_now_and_then():
     bench = Bench()
     bench.turn(*range(201))

@@ -12,10 +12,10 @@ from hil.config.load import build
 from hil.config.plant import PlantConfig
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
+from hil.wire.pulses import PulseOrder
 from plant.build import plant_params
 from plant.engines.detailed import layout as at
 from plant.engines.machine import GENERATOR, MOTOR, MachineOrder
-from plant.rig.actuation import PulseOrder
 from plant.rig.beginning import initial_state
 from plant.rig.events import CONTACT, MISFIRE, PULSE_REFUSED
 from plant.rig.state import Command

@@ -11,7 +11,8 @@ from bench.studies import tune
 from bench.studies.bound import step_bound
 from controller.laws import LAWS
 from controller.trimming import refusal
-from hil.config.load import build, read_toml, with_override
+from hil.config.base import read_toml
+from hil.config.load import build, with_override
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
 from plant.engines.fast.constants import constants_of

@@ -129,6 +129,7 @@ CELLS = [
 ]
 
 
+@pytest.mark.interpreted("watches the controller's step from outside")
 @pytest.mark.parametrize(("model", "rate_hz"), CELLS)
 def test_spark_strikes_inside_its_window_before_every_dead_centre(monkeypatch, model, rate_hz):
     course, pulses = course_of(monkeypatch, model, rate_hz)
@@ -140,6 +141,7 @@ def test_spark_strikes_inside_its_window_before_every_dead_centre(monkeypatch, m
         assert any(0 < dc.t_ns - t_ns < WINDOW_NS for t_ns in openings)
 
 
+@pytest.mark.interpreted("watches the controller's step from outside")
 @pytest.mark.parametrize("noise_x_m", [1e-6, 1e-5])
 def test_spark_stays_inside_its_window_with_noisy_sensors(monkeypatch, noise_x_m):
     sensors = {"noise_x_m": noise_x_m, "noise_v_m_s": 1e-3}

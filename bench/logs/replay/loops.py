@@ -13,7 +13,7 @@ from bench.logs.replay.turns import Turn
 from controller.loop import ControllerLoop
 from drivers.links import Connection
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from plant.loop import PlantLoop
 
 
@@ -40,7 +40,7 @@ class Replayed(Protocol):
 class ReplayedController:
     """The controller's own loop on recorded batches."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Resolved) -> None:
         patience_ns = controller.main.make_pacer(scenario).patience_ns
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
@@ -65,7 +65,7 @@ class ReplayedController:
 class ReplayedPlant:
     """The plant's own loop on recorded answers."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Resolved) -> None:
         patience_ns = plant.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)

@@ -27,7 +27,7 @@ from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
@@ -53,7 +53,7 @@ class Told(NamedTuple):
 
     recorded: Path
     continued: Path
-    scenario: Scenario
+    scenario: Resolved
     tick: int
     ticks: int
     notes: tuple[str, ...]
@@ -112,7 +112,7 @@ def _fresh(directory: Path) -> Path:
     return out
 
 
-def resume(both: tuple[Log, Log], scenario: Scenario, tick: int) -> Resumed:
+def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     """Bring both loops to the start of a tick, as they were then.
 
     Raises: LogError when the logs do not reach it
@@ -130,7 +130,7 @@ def resume(both: tuple[Log, Log], scenario: Scenario, tick: int) -> Resumed:
 
 
 def _brought_to(
-    log: Log, process: str, scenario: Scenario, tick: int, notes: list[str]
+    log: Log, process: str, scenario: Resolved, tick: int, notes: list[str]
 ) -> tuple[Loop, bytes]:
     """Run one loop on its recorded turns up to a tick; return it and what it sent last."""
     if process_of(log) != process:

@@ -9,7 +9,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.judge.strokes import Strokes, read_truth, set_points, settling_ns
+from bench.judge.response import BAND_MM, response, settled_after_s
+from bench.judge.strokes import Strokes, read_truth, set_points
 from bench.logs.what_if.continuation import Told
 from hil import log as logs
 from hil.log import Log, Span
@@ -17,7 +18,6 @@ from hil.log import Log, Span
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BAND_M = 0.1e-3
 _BEFORE_S, _AFTER_S = 0.06, 0.20
 
 
@@ -52,7 +52,7 @@ def _table(told: Told, recorded: Strokes, continued: Strokes) -> Table:
     table.add_row("largest TDC error [mm]", *[_extreme(s) for s in both])
     table.add_row("last TDC [mm]", *[_last(s.tdc_m) for s in both])
     table.add_row("last fuel [mg]", *[_last(s.fuel_kg * 1e3) for s in both])
-    table.add_row("within 0.1 mm after [ms]", *[_settled(s, start_ns) for s in both])
+    table.add_row(f"within {BAND_MM:g} mm after [ms]", *[_settled(s, start_ns) for s in both])
     return table
 
 
@@ -68,8 +68,8 @@ def _last(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
 
 
 def _settled(strokes: Strokes, start_ns: int) -> str:
-    found = settling_ns(strokes, start_ns, _BAND_M)
-    return "not" if found is None else f"{found * 1e-6:.1f}"
+    found = settled_after_s(response(strokes, start_ns))
+    return "not" if found is None else f"{found * 1e3:.1f}"
 
 
 def _draw(told: Told, recorded: Strokes, continued: Strokes, a: Log, b: Log) -> Figure:

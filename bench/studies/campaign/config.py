@@ -12,15 +12,16 @@ from pydantic import Field, ValidationError, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from hil.config.base import Section
+from hil import compiled
+from hil.config.base import Section, read_toml
 from hil.config.controller import ControllerName
-from hil.config.load import build, read_toml, with_override
+from hil.config.load import build, with_override
 from hil.config.plant import Model
 from hil.config.prototypes import PROTOTYPES
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-PACKAGED = Path(__file__).with_name("campaigns")
+PACKAGED = compiled.root() / "bench" / "campaigns"
 
 Tree = dict[str, Any]
 Scalar = bool | int | float | str
@@ -216,7 +217,7 @@ def tree_of(campaign: Campaign, drawn: Drawn) -> Tree:
     return with_override(tree, "controller.preset", preset)
 
 
-def scenario_of(campaign: Campaign, drawn: Drawn) -> Scenario:
+def scenario_of(campaign: Campaign, drawn: Drawn) -> Resolved:
     """The resolved scenario of a run.
 
     Raises: ConfigError when it cannot begin

@@ -18,8 +18,6 @@ from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_curve
 
 _FORCES = ("motor_1_n", "motor_2_n", "motor_3_n")
-NOMINAL_FUEL_KG = 2.8185e-6
-"""With eq. 5.60 the fuel of the set point of 15.5 mm."""
 
 Settled = tuple[Engine, Motion]
 
@@ -131,6 +129,6 @@ def fuel_study(changes: tuple[float, ...] = FUEL_CHANGES) -> list[tuple[float, f
 
     X = F0 / (c omega_n), n = 60 omega_n / 2 pi     (thesis eqs. 6.1 and 6.2)
     """
-    fuels_kg = [NOMINAL_FUEL_KG * (1.0 + change) for change in changes]
+    fuels_kg = [NU.fixed_fuel_kg * (1.0 + change) for change in changes]
     curve = fuel_curve(constants_of(NU, "harmonic"), fuels_kg, NU.load_coefficient_n_s_m)
     return list(zip(changes, curve.tdc_m, curve.speed_rpm, strict=True))

@@ -19,7 +19,9 @@ class Figures(NamedTuple):
     """Means over the last cycles of a settled run.
 
     speed_rpm: oscillations a minute (thesis section 4.2: equivalent crankshaft speed)
-    electric_w: P_e = P_i - P_f - P_c, P_c the motor's power whether it drives or brakes (4.1, 4.2)
+    electric_w: P_e = P_i - P_f - P_c, P_c the motor's power whether it drives or brakes (4.1, 4.2);
+        of a dq machine that at its terminals, of an engine held at a speed what the drive takes
+    copper_w: heat of a dq machine's winding, taken off before its terminals
     compression_ratio: effective, from the closing of the last valve to the dead centre
     fuel_kg_kwh: for the indicated work
     """
@@ -38,6 +40,7 @@ class Figures(NamedTuple):
     exhaust_w: float
     leak_w: float
     pump_w: float
+    copper_w: float
     fuel_w: float
     efficiency: float
     fuel_kg_kwh: float
@@ -81,8 +84,7 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
         indicated = float(powers[at.SUM + at.W_GAS])
         spring = float(powers[at.SUM + at.SUM_STRIDE + at.W_GAS])
     fuel = _both(powers, at.Q_FUEL)
-    friction, motoring = float(powers[at.W_FRICTION]), float(powers[at.P_MOTOR])
-    pump = float(powers[at.W_CASE])
+    friction, motoring, pump = map(float, powers[[at.W_FRICTION, at.P_MOTOR, at.W_CASE]])
     c = engine.calibration
     return Figures(
         speed_rpm=60.0 * 0.5 * len(inner) / seconds,
@@ -92,19 +94,33 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
         compression_ratio=_compressed_from_m(engine, inner) / (c.left.length_m - tdc),
         tdc_m=tdc,
         indicated_w=indicated,
-        electric_w=indicated + spring - friction - motoring + pump,
+        electric_w=_electric(engine, powers, indicated + spring - friction - motoring + pump),
         motoring_w=motoring,
         friction_w=friction,
         heat_w=_both(powers, at.Q_WALL),
         exhaust_w=_both(powers, at.H_EX) - _both(powers, at.H_IN),
         leak_w=_both(powers, at.H_LEAK),
         pump_w=-pump,
+        copper_w=float(powers[at.Q_COPPER]) * _is_dq(engine),
         fuel_w=fuel,
         efficiency=indicated / fuel if fuel else 0.0,
         fuel_kg_kwh=(
             fuel / c.heat.heating_value_j_kg * _J_PER_KWH / indicated if indicated else 0.0
         ),
     )
+
+
+def _is_dq(engine: Engine) -> bool:
+    return bool(engine.p[at.MACHINE] == at.DQ)
+
+
+def _electric(engine: Engine, powers: Array, on_the_mover_w: float) -> float:
+    """Return the electric power; `on_the_mover_w` is that of eq. 4.1."""
+    if _is_dq(engine):
+        return -float(powers[at.W_TERMINAL])
+    if engine.calibration.cycle.kind == "speed":
+        return float(powers[at.W_GENERATED] - powers[at.W_MOTORED])
+    return on_the_mover_w
 
 
 def compressed(engine: Engine, rows: Array) -> NDArray[np.bool_]:

@@ -59,6 +59,8 @@ def cylinder(p: Array, d: Array, y: Array, out: Array, t: float, c: int) -> floa
     """First law and mass of one cylinder; returns its pressure.
 
     dU/dt = -p dV/dt + Q_c' - Q_ht' + sum of m' h     (thesis eqs. 3.5, 3.14)
+
+    What passes the rings goes under the piston: into the pump (App. I eq. 15), or the air.
     """
     b, e = at.CYL_P + c * at.CYL_P_STRIDE, at.CYL + c * at.CYL_STRIDE
     u, m, s = at.U + at.GAS_STRIDE * c, at.M + at.GAS_STRIDE * c, at.SUM + at.SUM_STRIDE * c
@@ -70,15 +72,13 @@ def cylinder(p: Array, d: Array, y: Array, out: Array, t: float, c: int) -> floa
     burnt = heat_release(p, d[e + at.Q_IN], t - d[e + at.SPARK_T])
     wall = heat_to_wall(p, c, d[at.HEAT], volume, gap, p_gas, t_gas)
     m_leak = h_leak = m_in = h_in = m_ex = h_ex = 0.0
+    p_below, t_below, p_up, t_up = p[at.P_AMBIENT], p[at.T_AMBIENT], p[b + at.P_IN], p[b + at.T_IN]
+    if p[at.PUMP] != 0.0:
+        p_below = p_up = case_pressure(p, y, c)
+        t_below = t_up = case_temperature(p, y, c)
     if p[b + at.CDA_LEAK] > 0.0:
-        m_leak, h_leak = exchange(
-            p, p[b + at.CDA_LEAK], p_gas, t_gas, p[at.P_AMBIENT], p[at.T_AMBIENT]
-        )
+        m_leak, h_leak = exchange(p, p[b + at.CDA_LEAK], p_gas, t_gas, p_below, t_below)
     if d[e + at.INTAKE] != 0.0:
-        p_up, t_up = p[b + at.P_IN], p[b + at.T_IN]
-        if p[at.PUMP] != 0.0:
-            p_up = case_pressure(p, y, c)
-            t_up = case_temperature(p, y, c)
         m_in, h_in = exchange(p, p[b + at.CDA_IN], p_up, t_up, p_gas, t_gas)
     if d[e + at.EXHAUST] != 0.0:
         m_ex, h_ex = exchange(p, p[b + at.CDA_EX], p_gas, t_gas, p[b + at.P_EX], p[b + at.T_EX])
@@ -98,7 +98,7 @@ def cylinder(p: Array, d: Array, y: Array, out: Array, t: float, c: int) -> floa
 
 @compiled
 def pump(p: Array, d: Array, y: Array, out: Array, c: int) -> float:
-    """Gas under a piston: adiabatic (App. I eq. 21), a reed inlet, and what the cylinder takes.
+    """Gas under a piston: adiabatic (App. I eq. 21), reed inlet, what the cylinder takes and leaks.
 
     Returns: its pressure
     """
@@ -110,8 +110,8 @@ def pump(p: Array, d: Array, y: Array, out: Array, c: int) -> float:
     if p_case < p[at.P_AMBIENT]:
         t_case = case_temperature(p, y, c)
         m_in, h_in = exchange(p, p[at.CASE_REED], p[at.P_AMBIENT], p[at.T_AMBIENT], p_case, t_case)
-    out[at.CASE_U + k] = h_in - out[s + at.H_IN] - work
-    out[at.CASE_M + k] = m_in - out[s + at.M_IN]
+    out[at.CASE_U + k] = h_in - out[s + at.H_IN] + out[s + at.H_LEAK] - work
+    out[at.CASE_M + k] = m_in - out[s + at.M_IN] + out[s + at.M_LEAK]
     out[at.H_REED] += h_in
     out[at.M_REED] += m_in
     out[at.W_CASE] += work
@@ -151,3 +151,17 @@ def rates(p: Array, d: Array, y: Array, out: Array, t: float) -> None:
     if direction == 0.0:
         out[at.X] = out[at.V] = 0.0
         out[at.W_FRICTION] = force
+
+
+@compiled
+def electric_power(p: Array, d: Array, y: Array, out: Array) -> float:
+    """What the machine delivers [W]: a dq machine at its terminals, any other on the mover."""
+    if d[at.SPEED_REF] != 0.0:  # a servo's force is what all others leave to it
+        rates(p, d, y, out, d[at.T])
+    elif p[at.MACHINE] == at.LOAD_CONSTANT:
+        return float((d[at.LOAD] * d[at.LOAD_SCALE] * y[at.V] - d[at.FORCE]) * y[at.V])
+    else:
+        machine_force(p, d, y, out, 0.0)
+    if p[at.MACHINE] == at.DQ:
+        return float(-out[at.W_TERMINAL])
+    return float(out[at.W_GENERATED] - out[at.W_MOTORED])

@@ -13,7 +13,7 @@ from hil.values import Value
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Motion as Arrays
 from plant.engines.detailed.engine import at_rest, begin, engine_of
-from plant.engines.detailed.machine import machine_force
+from plant.engines.detailed.kernel import electric_power
 from plant.engines.detailed.settle import calibration_of, settle
 from plant.engines.detailed.solver import advance, scratch
 from plant.engines.detailed.types import Array
@@ -35,6 +35,8 @@ _SECOND_NS: Final = 1e9
 _FIRST_STROKE_S: Final = 0.02
 _WARM_NS: Final = 1e3
 _VALVE_LINES: Final = 4
+_RATES: Final = 7
+"""Row of the scratch space that rates are written to."""
 
 
 @final
@@ -159,23 +161,13 @@ class DetailedEngine(Engine):
     def sensed(self, m: Motion, _machine: Machine) -> Sensed:
         """Return what the arrays hold."""
         y, d = _arrays(_state(m))
-        return Sensed(self._pressure(y, 0), self._pressure(y, 1), self._power(y, d))
+        power_w = electric_power(self.engine.p, d, y, self._work[_RATES])
+        return Sensed(self._pressure(y, 0), self._pressure(y, 1), power_w)
 
     def _pressure(self, y: Array, side: int) -> float:
         p, b = self.engine.p, at.CYL_P + side * at.CYL_P_STRIDE
         volume = p[b + at.AREA] * (p[b + at.LENGTH] + p[b + at.SIGN] * y[at.X])
         return float((p[at.GAMMA] - 1.0) * y[at.U + at.GAS_STRIDE * side] / volume)
-
-    def _power(self, y: Array, d: Array) -> float:
-        """Tell what the machine delivers: a dq machine at its terminals, any other on the mover."""
-        v = float(y[at.V])
-        if self.engine.p[at.MACHINE] == at.LOAD_CONSTANT:
-            return float((d[at.LOAD] * d[at.LOAD_SCALE] * v - d[at.FORCE]) * v)
-        rates = self._work[7]
-        machine_force(self.engine.p, d, y, rates, 0.0)
-        if self.engine.p[at.MACHINE] == at.DQ:
-            return -float(rates[at.W_TERMINAL])
-        return float(rates[at.W_GENERATED] - rates[at.W_MOTORED])
 
 
 def _state(m: Motion) -> DetailedState:

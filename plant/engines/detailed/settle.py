@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.config.detailed import Calibration, read
+from hil.config.detailed import Calibration, calibrations
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.engines.detailed import layout as at
@@ -16,16 +16,6 @@ from plant.engines.detailed.figures import compressed
 from plant.engines.detailed.solver import advance, scratch
 from plant.engines.detailed.types import Array
 
-_CALIBRATIONS = {
-    ("two-stroke", "nu"): "nu-two-stroke",
-    ("two-stroke", "bit"): "bit-running",
-    ("four-stroke", "nu"): "nu-four-stroke",
-    ("starting", "bit"): "bit-starting",
-    ("motoring", "nu"): "nu-motoring",
-    ("two-stroke", "gas-spring"): "gas-spring",
-    ("two-stroke", "opposed"): "opposed",
-    ("four-stroke", "mechanical-spring"): "mechanical-spring",
-}
 _SETTLE_S = 2.5
 _SAMPLE_S = 1.0e-4
 
@@ -50,20 +40,21 @@ def calibration_of(config: PlantConfig) -> Calibration:
 
     Raises: ConfigError when the pair has none, or single figures are to be replaced
     """
-    name = _CALIBRATIONS.get((config.model, config.prototype))
-    if name is None:
-        known = ", ".join(f"{m} with {e}" for m, e in _CALIBRATIONS)
+    known = calibrations()
+    found = known.get((config.model, config.prototype))
+    if found is None:
+        accepted = ", ".join(f"{m} with {e}" for m, e in known)
         raise ConfigError(
             f"plant.model {config.model} has no calibration for plant.prototype "
-            f"{config.prototype}; accepted: {known}"
+            f"{config.prototype}; accepted: {accepted}"
         )
     given = config.engine.model_dump(exclude_none=True)
     if given:
         raise ConfigError(
             f"plant.engine.{next(iter(given))}: model {config.model} takes its figures from its "
-            f"calibration {name}; accepted here: nothing"
+            f"calibration {found.name}; accepted here: nothing"
         )
-    return read(name)
+    return found
 
 
 def settle(c: Calibration, fuel_kg: float, load_n_s_m: float) -> Settled:
