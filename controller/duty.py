@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from controller.commands import parse
 from controller.loop import ControllerLoop
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from hil.errors import ConfigError
 from hil.ports import CommandSource
 

@@ -145,7 +145,7 @@ def run_case(case: Case, duration_s: float = 10.0) -> Outcome:
 
 def _counts(rig: Rig) -> dict[str, int]:
     """Verdicts of both decoders, late samples and ticks stepped without one."""
-    both = (rig.plant.decoder.counts(), rig.controller.decoder.counts())
+    both = (rig.plant.decoder.counts(), rig.controller.reception.decoder.counts())
     counts = {name: sum(getattr(c, name) for c in both) for name in both[0]._fields}
     return counts | {"late": rig.controller.late, "gaps": len(rig.without_sample)}
 

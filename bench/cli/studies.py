@@ -16,8 +16,9 @@ def compare(
     ),
     *,
     controllers: Annotated[
-        str, typer.Option(help="Laws to compare, separated by commas.")
-    ] = "cascade,single-loop,pdf,predictive,observer,machine",
+        str | None,
+        typer.Option(help="Laws to compare, separated by commas; without it all that control."),
+    ] = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
     assignments: Assignments = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controller.main import schedule_of
+from controller.build import schedule_of
 from hil.config.resolved import Resolved
 from hil.config.scenario import OperatorEvent
 from hil.log import Log

@@ -25,8 +25,8 @@ from bench.judge.strokes import (
     whole_cycles,
 )
 from bench.run.directory import RunFiles
-from controller.memory import LoopMemory
-from controller.state import initial_mode
+from controller.build import initial_mode
+from controller.loop import LoopMemory
 from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from bench.judge.figures import RunData
 from bench.judge.response import response, settled_after_s
-from controller.state import initial_mode
+from controller.build import initial_mode
 from hil.config.scenario import Expectation
 from hil.errors import BlockedError
 

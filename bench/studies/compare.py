@@ -11,14 +11,15 @@ from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.studies.bound import Informed, step_bound
+from controller.motion.choice import check_name
+from controller.motion.laws import LAWS
 from hil.config.base import read_toml
-from hil.config.controller import ControllerName
 from hil.config.load import build, with_override
 from hil.config.plant import LoadScaleEvent
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 MOMENTS = {"a": (0, 0.25), "b": (0, 0.75), "c": (1, 0.25), "d": (1, 0.75)}
 """Strokes after the event's own, and fraction of the stroke (thesis Fig 6.11)."""
@@ -53,18 +54,16 @@ class Comparison(NamedTuple):
     bounds: dict[tuple[float, str, str], Response]
 
 
-def laws_of(text: str) -> tuple[str, ...]:
-    """Names separated by commas.
+def laws_of(text: str | None) -> tuple[str, ...]:
+    """Names separated by commas; None for all that control.
 
     Raises: ConfigError for one that is no law
     """
-    known = get_args(ControllerName)
+    if text is None:
+        return tuple(name for name in LAWS if name != NO_CONTROL)
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    for name in names:
-        if name not in known:
-            raise ConfigError(f"--controllers {name!r}: accepted are {', '.join(known)}")
-    if not names:
-        raise ConfigError(f"--controllers: accepted are {', '.join(known)}")
+    for name in names or ("",):
+        check_name(name, "--controllers")
     return names
 
 
@@ -160,12 +159,12 @@ def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | 
     ref_m = controller.tdc_ref_m or 0.0
     nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
     if plant.model in FAST_MODELS:
-        engine = engine_of(plant.resolved_prototype(), plant.model)
+        engine = constants_of(plant.resolved_prototype(), plant.model)
         return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
     if plant.model != "two-stroke":
         return None
     from bench.studies import bound_detailed
-    from plant.detailed.settle import calibration_of
+    from plant.engines.detailed.settle import calibration_of
 
     calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
     advance_s = controller.timing.spark_advance_s

@@ -12,7 +12,7 @@ from hil.config.load import parse_assignment
 
 
 def run(
-    name: str, controllers: str, model: str | None, out: Path | None, assignments: list[str]
+    name: str, controllers: str | None, model: str | None, out: Path | None, assignments: list[str]
 ) -> int:
     """Compare, print the table, write it with the pictures; returns the exit code.
 

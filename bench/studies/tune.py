@@ -19,6 +19,7 @@ from bench.judge.response import Response
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
+from controller.motion.laws import LAWS
 from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
@@ -68,28 +69,13 @@ OTHER_ENGINES = tuple(
 """Engines that the controller does not know of: the robustness constraint."""
 
 
-class Tunable(NamedTuple):
-    """A law's section and the keys in it that a search may move."""
-
-    section: str
-    keys: tuple[str, ...]
-
-
-TUNABLE = {
-    "cascade": Tunable("cascade", ("outer.kp", "outer.ki", "inner.kp", "inner.ki")),
-    "single-loop": Tunable("single_loop", ("tdc.kp", "tdc.ki")),
-    "pdf": Tunable("learning", ("gain", "inertia_gain")),
-    "predictive": Tunable("predictive", ("drift", "noise_gain", "gate")),
-    "observer": Tunable("observer", ("drift_n_s_m", "charge_spread", "load_jump", "gate")),
-    "machine": Tunable("machine", ("gain", "begin_s", "release_s")),
-}
-"""Every law that has something to tune."""
+TUNABLE = {name: law.parameters for name, law in LAWS.items() if law.parameters}
+"""Every law that has something to tune, with the keys of its gains below `controller.`."""
 
 
 def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
     """The load-decrease scenario for a cell, with the event early and the law's gains set."""
     tree = read_toml(find("load-decrease"))
-    section = TUNABLE[law].section
     settings: dict[str, Any] = {
         "run.duration_s": DURATION_S,
         "plant.model": cell.model,
@@ -98,7 +84,7 @@ def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
         "events.load.value": cell.load,
         "events.load.at_s": EVENT_S,
         "events.load.at_stroke_fraction": cell.fraction,
-        **{f"controller.{section}.{key}": value for key, value in gains.items()},
+        **{f"controller.{key}": value for key, value in gains.items()},
     }
     if cell.engine:
         believed = resolve(build(with_override(tree, "plant.model", cell.model), str(cell)))
@@ -141,7 +127,7 @@ def cost(law: str, vector: Sequence[float]) -> float:
     from paying for the last micrometre with a large overshoot. The constraint: with another engine
     than is believed no late error beyond `ROBUST_MM`; what is beyond counts ten times.
     """
-    gains = dict(zip(TUNABLE[law].keys, vector, strict=True))
+    gains = dict(zip(TUNABLE[law], vector, strict=True))
     results = [judge(cell, law, gains) for cell in CELLS]
     others = [judge(cell, law, gains) for cell in OTHER_ENGINES]
     if any(len(result.errors_mm) < FEWEST_STROKES for result in results + others):
@@ -155,21 +141,21 @@ def looked_for(law: str, start: Gains, generations: int) -> Gains:
     """Differential evolution, seeded, within a factor of two about the gains in force."""
     from scipy.optimize import differential_evolution
 
-    x0 = [start[key] for key in TUNABLE[law].keys]
+    x0 = [start[key] for key in TUNABLE[law]]
     bounds = [sorted((0.5 * gain, min(2.0 * gain, 1.0) if law == "machine" and gain > 0.1
                       else 2.0 * gain)) for gain in x0]  # fmt: skip
     found = differential_evolution(
         lambda x: cost(law, list(x)), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
         polish=False,
     )  # fmt: skip
-    return dict(zip(TUNABLE[law].keys, map(float, found.x), strict=True))
+    return dict(zip(TUNABLE[law], map(float, found.x), strict=True))
 
 
 def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
     found = {}
-    for key in TUNABLE[law].keys:
-        value: Any = getattr(ControllerConfig(), TUNABLE[law].section)
+    for key in TUNABLE[law]:
+        value: Any = ControllerConfig()
         for part in key.split("."):
             value = getattr(value, part)
         found[key] = float(value)
@@ -200,7 +186,7 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
     if search:
         gains = looked_for(law, gains, generations)
     print(table(law, gains))
-    costs = tuple(cost(law, [g[key] for key in TUNABLE[law].keys]) for g in (before, gains))
+    costs = tuple(cost(law, [g[key] for key in TUNABLE[law]]) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")
     if out is not None:
         _write(law, gains, costs, out, generations if search else 0)
@@ -210,7 +196,7 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
 
 def _read_gains(law: str, text: str) -> Gains:
     """Gains in the order of the law's keys."""
-    keys = TUNABLE[law].keys
+    keys = TUNABLE[law]
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
@@ -228,7 +214,7 @@ def _write(law: str, gains: Gains, costs: tuple[float, ...], out: Path, generati
     tree = with_override(tree, "name", f"tuned-{law}")
     tree = with_override(tree, "controller.name", law)
     for key, value in gains.items():
-        tree = with_override(tree, f"controller.{TUNABLE[law].section}.{key}", value)
+        tree = with_override(tree, f"controller.{key}", value)
     tree = with_override(tree, "controller.tuning", {
         "law": law, "objective": " ".join((cost.__doc__ or "").split()),
         "cells": [str(cell) for cell in (*CELLS, *OTHER_ENGINES)],

@@ -10,9 +10,9 @@ from hil.config.base import Section
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN
 
-ControllerName = Literal[
-    "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
-]
+LawName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,39}$")]
+"""Of a piston-motion law; which there are is known where a controller is built."""
+
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
@@ -252,7 +252,7 @@ class Preset(Section):
 class Tuning(Section):
     """Where the gains of a law come from; for people, nothing acts on it."""
 
-    law: ControllerName
+    law: LawName
     objective: str
     cells: tuple[str, ...] = ()
     method: str = ""
@@ -263,7 +263,7 @@ class Tuning(Section):
 class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
-    name: ControllerName = "cascade"
+    name: LawName = "cascade"
     tdc_ref_m: Metres | None = None
     running: bool = Field(default=True, description="begins with the engine already running")
     cascade: CascadeConfig = CascadeConfig()

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from hil.config.base import Section
-from hil.config.controller import ControllerConfig, ControllerName
+from hil.config.controller import ControllerConfig, LawName
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
@@ -27,7 +27,7 @@ class OperatorEvent(Section):
     at_s: float = Field(ge=0.0, le=86_400.0)
     tdc_ref_m: float | None = Field(default=None, gt=0.0, le=0.05)
     target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
-    law: ControllerName | None = None
+    law: LawName | None = None
 
     @model_validator(mode="after")
     def _set_point_has_a_value(self) -> OperatorEvent:

@@ -7,7 +7,7 @@ import pytest
 from bench.dev import reference
 from bench.dev.golden_cases import CASES, Case, scenario_for
 from bench.dev.reference import Run
-from controller.laws import LAWS
+from controller.motion.laws import LAWS
 from hil.config.plant import FAULT_KINDS, OwnModel
 from hil.config.process import LinkName
 from hil.config.prototypes import PROTOTYPES

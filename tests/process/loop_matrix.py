@@ -19,7 +19,7 @@ from bench.dev import golden
 from bench.fmu import export
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from controller.laws import LAWS
+from controller.motion.laws import LAWS
 from hil import compiled
 from hil.config.plant import FAULT_KINDS, OwnModel
 from hil.config.prototypes import PROTOTYPES

@@ -17,7 +17,7 @@ import pytest
 
 import hil.log
 from controller.duty import RESUME_TRIES, DutyCommands, Resumption
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from drivers.channels import MemoryCommands
 from drivers.recorder.client import Recorder, wait_finished
 from drivers.system.keepsake import SIZE, Keepsake
@@ -267,7 +267,7 @@ def test_a_log_directory_that_is_none_is_named(tmp_path: Path) -> None:
 
 CHURN = """
 import sys
-from hil import realtime
+from drivers.system import realtime
 if sys.argv[1] == "reserved":
     realtime._reserve_memory()
 before = sum(realtime.page_faults())

@@ -63,7 +63,7 @@ def test_each_part_of_a_sample_that_stays_away_is_a_stale_sample(kind):
     rig = rig_of(lambda f, t: f.can_id == kind and t >= 150)
     assert rig.is_safe
     assert rig.without_sample[0] == 150
-    assert rig.controller.decoder.lost == 0
+    assert rig.controller.reception.decoder.lost == 0
 
 
 def test_ten_stale_ticks_are_allowed_and_then_it_is_safe():

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from controller.main import follow_in_real_time
+from controller.follow import follow_in_real_time
 from drivers.system.process import Stop
 from hil.errors import RunError
 
@@ -46,7 +46,7 @@ class Samples:
 
 def follow(samples, last_tick):
     loop = TickLoop()
-    follow_in_real_time(loop, SimpleNamespace(link=samples), PERIOD_NS, last_tick, Stop())
+    follow_in_real_time(loop, samples, PERIOD_NS, last_tick, Stop())
     return loop.tick
 
 

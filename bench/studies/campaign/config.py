@@ -12,9 +12,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
+from controller.motion.choice import check_name
 from hil import compiled
 from hil.config.base import Section, read_toml
-from hil.config.controller import ControllerName
+from hil.config.controller import LawName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
 from hil.config.prototypes import PROTOTYPES
@@ -76,7 +77,7 @@ class Campaign(Section):
     runs: int = Field(ge=1, le=1_000_000)
     seed: int = Field(default=1, ge=0, le=2**31)
     duration_s: float = Field(default=5.0, gt=0.0, le=3600.0)
-    controllers: tuple[ControllerName, ...] = ("cascade",)
+    controllers: tuple[LawName, ...] = ("cascade",)
     models: tuple[Model, ...] = ("harmonic",)
     prototypes: tuple[Literal["nu", "bit"], ...] = ("nu",)
     load: LoadSpread = LoadSpread()
@@ -97,11 +98,14 @@ def read(name: str) -> Campaign:
         known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
         raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
     try:
-        return Campaign.model_validate(read_toml(path))
+        campaign = Campaign.model_validate(read_toml(path))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"{path}: {key}: {first['msg']}") from None
+    for law in campaign.controllers:
+        check_name(law, f"{path}: controllers")
+    return campaign
 
 
 class Drawn(Section):
