@@ -10,7 +10,7 @@ from typing import Final
 from bench.run import directory
 from bench.run.directory import RunFiles
 from hil import log as logs
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.log import Log
 from hil.wire.busload import BITS_MAX
@@ -37,7 +37,7 @@ def _timed(log: Log, begin_ns: int, frame_ns: int, order: int) -> Iterator[tuple
             yield at_ns, can_id, word
 
 
-def write(path: Path, scenario: Scenario, files: RunFiles, begin_ns: int) -> int:
+def write(path: Path, scenario: Resolved, files: RunFiles, begin_ns: int) -> int:
     """Write the frames that both processes sent; returns how many.
 
     In a tick the plant's frames come first, then the controller's, each as long after the other

@@ -9,15 +9,14 @@ from typing import Any
 from bench.bus import can_log
 from bench.bus.load import of_logs
 from bench.run.directory import RunFiles, opened
-from drivers.system.process import read_scenario
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved, read_resolved
 from hil.wire.busload import worst_load
 
 
 def load(directory: Path, bitrate_bit_s: int | None) -> int:
     """Print how full the bus was."""
     files = opened(directory)
-    scenario = read_scenario(files.scenario)
+    scenario = read_resolved(files.scenario)
     bitrate = bitrate_bit_s or scenario.link.bitrate_bit_s
     print(line_of_figures(figures(scenario, files, bitrate)))
     return 0
@@ -33,7 +32,7 @@ def line_of_figures(told: dict[str, Any]) -> str:
 
 
 def figures(
-    scenario: Scenario, files: RunFiles, bitrate_bit_s: int | None = None
+    scenario: Resolved, files: RunFiles, bitrate_bit_s: int | None = None
 ) -> dict[str, Any]:
     """Return what summary.json says of the bus of a run."""
     found = of_logs(str(files.plant_log), str(files.controller_log))
@@ -49,7 +48,7 @@ def figures(
     }
 
 
-def write_can_log(path: Path, scenario: Scenario, files: RunFiles, started: str) -> int:
+def write_can_log(path: Path, scenario: Resolved, files: RunFiles, started: str) -> int:
     """Write the frames of a run as a CAN log.
 
     Parameters: started : when the run began, as the summary says it

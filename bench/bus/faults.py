@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.bus.injectors import (
@@ -27,8 +26,9 @@ from bench.bus.injectors import (
 from bench.bus.rig import Rig
 from bench.run import scenarios
 from bench.run.resolve import resolve
+from hil import compiled
 
-TABLE: Final = Path(__file__).resolve().parent.parent / "docs" / "bus-faults.md"
+TABLE: Final = compiled.root() / "docs" / "bus-faults.md"
 
 
 class Case(NamedTuple):
@@ -145,7 +145,7 @@ def run_case(case: Case, duration_s: float = 10.0) -> Outcome:
 
 def _counts(rig: Rig) -> dict[str, int]:
     """Verdicts of both decoders, late samples and ticks stepped without one."""
-    both = (rig.plant.decoder.counts(), rig.controller.decoder.counts())
+    both = (rig.plant.decoder.counts(), rig.controller.reception.decoder.counts())
     counts = {name: sum(getattr(c, name) for c in both) for name in both[0]._fields}
     return counts | {"late": rig.controller.late, "gaps": len(rig.without_sample)}
 

@@ -62,7 +62,7 @@ def list_buses() -> int:
     from rich.console import Console
 
     from bench.measure.machine import can_bus
-    from drivers.can.virtual.segment import channels
+    from drivers.can.virtual.directory import channels
 
     console = Console(highlight=False)
     open_now = channels()

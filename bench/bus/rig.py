@@ -10,15 +10,15 @@ import itertools
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple, Protocol
 
-import controller.main
-import plant.main
-from controller.start_restart import Mode
+import controller.build
+import plant.build
+from controller.mode.start_restart import Mode
 from drivers.can.link import CanLink, Times
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
 from drivers.recorder.client import NullRecorder
 from drivers.zenoh.config import Role
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.pacing import Slot
 from hil.wire.codec import iter_frames
 
@@ -184,7 +184,7 @@ class Tally:
 class Rig:
     """Plant and controller loop on one wire; `turn` runs a tick of both."""
 
-    def __init__(self, scenario: Scenario, fault: Fault) -> None:
+    def __init__(self, scenario: Resolved, fault: Fault) -> None:
         self.scenario = scenario
         self.period_ns = scenario.loop.period_ns
         self.clock = Clock()
@@ -196,11 +196,11 @@ class Rig:
         self.links = {side: self._link(port) for side, port in ports.items()}
         pacer = RigPacer(self.clock, self.period_ns)
         self.tally = Tally()
-        self.plant = plant.main.make_loop(
+        self.plant = plant.build.make_loop(
             scenario, _connection(self.links["plant"]), self.tally, pacer
         )
-        self.controller = controller.main.make_loop(
-            scenario, _connection(self.links["controller"]), pacer, NullRecorder()
+        self.controller = controller.build.make_loop(
+            scenario, _connection(self.links["controller"]), NullRecorder(), pacer
         )
         self.without_sample: list[int] = []
         self.without_answer: list[int] = []

@@ -11,6 +11,7 @@ import typer
 from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.logs import register as register_logs
+from bench.cli.options import Assignments
 from bench.interrupt import EXIT_CODE
 
 app = typer.Typer(
@@ -23,8 +24,17 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Link = Literal["zenoh", "can", "memory", "shm"]
-ClockName = Literal["lockstep", "realtime"]
+LinkOption = Annotated[
+    Literal["zenoh", "can", "memory", "shm"] | None,
+    typer.Option(help="How plant and controller are joined."),
+]
+BusOption = Annotated[
+    str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
+]
+ClockOption = Annotated[
+    Literal["lockstep", "realtime"] | None,
+    typer.Option(help="In real time, or as fast as both can."),
+]
 
 
 def _show_version(wanted: bool) -> None:
@@ -52,13 +62,9 @@ def run(
         str, typer.Argument(help="Name (see `hil scenarios`) or a path to a .toml file.")
     ],
     *,
-    link: Annotated[Link | None, typer.Option(help="How plant and controller are joined.")] = None,
-    bus: Annotated[
-        str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
-    ] = None,
-    clock: Annotated[
-        ClockName | None, typer.Option(help="In real time, or as fast as both can.")
-    ] = None,
+    link: LinkOption = None,
+    bus: BusOption = None,
+    clock: ClockOption = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     controller: Annotated[str | None, typer.Option(help="Law of the piston motion.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of everything random.")] = None,
@@ -74,15 +80,12 @@ def run(
     can_log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
     ] = None,
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),
-    ] = None,
+    assignments: Assignments = None,
 ) -> None:
     """Run a scenario: plant and controller, logs, verdict, report.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
-    3: a fault at run time.
+    3: a fault at run time; 4: an order of the scenario was refused.
     """
     from bench.run import commands
 

@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 
 import typer
 
+from bench.cli.options import Assignments
+
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
 Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
-Assignments = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),
-]
 Format = Literal["parquet", "csv", "mf4"]
 
 

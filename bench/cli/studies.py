@@ -7,10 +7,7 @@ from typing import Annotated
 
 import typer
 
-Assignments = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),
-]
+from bench.cli.options import Assignments
 
 
 def compare(
@@ -19,14 +16,15 @@ def compare(
     ),
     *,
     controllers: Annotated[
-        str, typer.Option(help="Laws to compare, separated by commas.")
-    ] = "cascade,single-loop,pdf,predictive,observer,machine",
+        str | None,
+        typer.Option(help="Laws to compare, separated by commas; without it all that control."),
+    ] = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
     assignments: Assignments = None,
 ) -> None:
     """Run several laws on the same load steps, and draw them beside the physical bound."""
-    from bench.studies import compare as work
+    from bench.studies import compare_command as work
 
     raise typer.Exit(work.run(scenario, controllers, model, out, assignments or []))
 

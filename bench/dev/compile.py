@@ -24,6 +24,7 @@ _KEPT: Final = 4
 _MYPY: Final = "[mypy]\nplugins = pydantic.mypy\nignore_missing_imports = True\n"
 # No fused multiply-add: its last bit is another than that of two operations.
 _C_FLAGS: Final = ["-ffp-contract=off"]
+_EMPTY_TUPLE: Final = 'CPy_TypeError("tuple[]"'
 
 
 def run(into: Path | None) -> int:
@@ -108,11 +109,25 @@ def build(work: Path) -> None:
     )
     for extension in extensions:
         extension.extra_compile_args += _C_FLAGS
+    _refuse_empty_tuples(work / "c")
     distribution = Distribution({"name": "fpeg-hil", "ext_modules": extensions})
     command: Any = distribution.get_command_obj("build_ext")
     command.build_lib, command.build_temp = str(work / "out"), str(work / "objects")
     command.ensure_finalized()
     command.run()
+
+
+def _refuse_empty_tuples(generated: Path) -> None:
+    """See that nothing is taken for the empty tuple alone: anything longer would be a TypeError.
+
+    `a, b = (), a + b` is such a place: the type of the first value is taken for that of the other.
+    """
+    for path in generated.rglob("*.c"):
+        text = path.read_text(encoding="utf-8")
+        if (place := text.find(_EMPTY_TUPLE)) >= 0:
+            near = re.search(r'CPy_AddTraceback\("([^"]+)", "(\w+)", (\d+)', text[place:])
+            where = f"{near[1]}:{near[3]} ({near[2]})" if near else path.name
+            raise SystemExit(f"{where}: () assigned where a longer tuple may stand; write it alone")
 
 
 if __name__ == "__main__":

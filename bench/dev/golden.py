@@ -9,54 +9,29 @@ from __future__ import annotations
 import contextlib
 import shutil
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from rich.console import Console
 
-import controller.main
-import plant.main
+import controller.build
+import plant.build
+from bench.dev.golden_cases import CASES, Order, scenario_for
 from bench.logs.diff import Comparison, compare
 from bench.logs.replay.replay import replay_file
 from bench.run import directory as outdir
-from bench.run import scenarios
-from bench.run.resolve import resolve
 from bench.run.single_process import turn_of
-from drivers.links import open_memory
+from drivers.channels import MemoryCommands
+from drivers.links import Connection, open_memory
 from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import LogError
 from hil.log.part import ALWAYS
 
 PROCESSES = ("plant", "controller")
-
-
-class Case(NamedTuple):
-    """One golden run: a scenario of the project, cut short."""
-
-    name: str
-    scenario: str
-    changes: tuple[tuple[str, Any], ...]
-
-
-_STEP = (("events.load.at_s", 0.12), ("run.duration_s", 0.4))
-CASES = (
-    *(
-        Case(model, "load-decrease", (("plant.model", model), *_STEP))
-        for model in ("harmonic", "rectangular", "nonlinear", "closed-form")
-    ),
-    Case("single-loop", "load-increase", (("controller.name", "single-loop"), *_STEP)),
-    Case("misfire", "misfire", (("events.misfire.at_s", 0.1), ("run.duration_s", 0.5))),
-    Case("start", "start", (("run.duration_s", 0.8),)),
-)
-_LOCKSTEP = (("link.kind", "memory"), ("loop.clock", "lockstep"))
-
-
-def scenario_for(case: Case) -> Scenario:
-    """Return the whole configuration of a golden run."""
-    return resolve(scenarios.read(case.scenario, [*case.changes, *_LOCKSTEP]))
+ORIGIN = "golden"
 
 
 def check(directory: Path) -> int:
@@ -64,7 +39,7 @@ def check(directory: Path) -> int:
 
     Raises: LogError when there is none
     """
-    from bench.logs.replay.text import show
+    from bench.logs.replay.outcome_table import show
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
     paths = sorted(directory.glob("*/*.mcap"))
@@ -90,29 +65,37 @@ def update(directory: Path) -> int:
         for case in CASES:
             new = Path(scratch) / case.name
             new.mkdir()
-            record(scenario_for(case), new)
+            record(scenario_for(case), new, case.orders)
             for process in PROCESSES:
                 _replace(console, new / f"{process}.mcap", directory / case.name)
     return 0
 
 
-def record(scenario: Scenario, out: Path) -> None:
-    """Run a scenario in memory and lockstep, with both logs."""
+def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
+    """Run a scenario in memory and lockstep, with both logs; both sides hear the orders."""
     with contextlib.ExitStack() as stack:
         recorders = {}
         for name in PROCESSES:
             recorders[name] = open_recorder(out / f"{name}.mcap", scenario, name)
             stack.callback(recorders[name].close)
         plant_end, controller_end = open_memory()
-        loop = plant.main.make_loop(scenario, plant_end, recorders["plant"])
-        mind = controller.main.make_loop(
-            scenario, controller_end, controller.main.make_pacer(scenario), recorders["controller"]
-        )
+        loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
+        mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks:
+            while waiting and waiting[-1].at_s * scenario.loop.rate_hz <= tick:
+                _give(waiting.pop(), (plant_end, controller_end))
             tick = loop.turn(tick)
+
+
+def _give(order: Order, ends: tuple[Connection, ...]) -> None:
+    """Put an order on the command key, which plant and controller read both."""
+    for end in ends:
+        assert isinstance(end.commands, MemoryCommands)
+        end.commands.submit(ORIGIN, order.command)
 
 
 def _replace(console: Console, new: Path, directory: Path) -> None:

@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 
 from hil.config.detailed import Calibration
 from hil.config.plant import PlantConfig
-from plant.detailed import layout as at
-from plant.detailed.engine import Motion, at_rest, begin, engine_of
-from plant.detailed.settle import calibration_of, settle
-from plant.detailed.solver import advance, scratch
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Motion, at_rest, begin, engine_of
+from plant.engines.detailed.kernel import electric_power
+from plant.engines.detailed.settle import calibration_of, settle
+from plant.engines.detailed.solver import advance, scratch
 
 SYMBOL: Final = "fpeg_advance"
 _CPU: Final = {"x86_64": "x86-64", "aarch64": "generic"}
 _INDICES: Final = (
-    "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION", "DC_T", "DC_X",
-    "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P", "CYL_P_STRIDE", "SIGN",
-    "AREA", "LENGTH",
+    "TIME_UP", "FAILED", "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION",
+    "DC_T", "DC_X", "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P",
+    "CYL_P_STRIDE", "SIGN", "AREA", "LENGTH",
 )  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def header(config: PlantConfig) -> str:
         "CONSTANTS": engine.p, "PROGRAMME": engine.programme, "REST_Y": rest.y, "REST_D": rest.d,
         "SETTLED_Y": settled.y, "SETTLED_D": settled.d,
     }  # fmt: skip
-    lines = ["/* Written by the export: the engine's arrays (plant/detailed/layout.py). */"]
+    lines = ["/* Written by the export: the engine's arrays (plant/engines/detailed/layout.py). */"]
     lines += [f"#define {name} {value}" for name, value in numbers.items()]
     lines += ["#ifdef ENGINE_ARRAYS"]
     lines += [_array(name, values) for name, values in arrays.items()]
@@ -91,13 +92,18 @@ def step_object() -> bytes:
         error_model="numpy",
     )  # fmt: skip
     def unit(p, d, y, programme, rows, columns, work, record, records, t_end, stop):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        constants, now, state = carray(p, (n_p,)), carray(d, (n_d,)), carray(y, (n_y,))
+        told = carray(record, (records, n_rec))
+        if stop < 0:
+            told[0, 0] = electric_power(constants, now, state, carray(work, work_shape)[7])
+            return 0
         return advance(
-            carray(p, (n_p,)), carray(d, (n_d,)), carray(y, (n_y,)),
-            carray(programme, (rows, columns, 3)), carray(work, work_shape),
-            carray(record, (records, n_rec)), t_end, stop != 0,
+            constants, now, state, carray(programme, (rows, columns, 3)),
+            carray(work, work_shape), told, t_end, stop != 0,
         )  # fmt: skip
 
-    text = unit._library.get_llvm_str().replace(unit.native_name, SYMBOL)
+    compiled = unit._library  # noqa: SLF001  # numba has no public way to the code
+    text = compiled.get_llvm_str().replace(unit.native_name, SYMBOL)
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=_CPU[platform.machine()], features="", opt=2, reloc="pic", codemodel="default"
     )

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hil.config.scenario import Scenario
+from controller.build import schedule_of
+from hil.config.resolved import Resolved
 from hil.log import Log
-from hil.wire.commands import PLANT
+from hil.wire.commands import CONTROLLER
 
 SEVERITIES = ("info", "warning", "fault")
 _MAX_KEPT = 2000
+_REFUSED = "command-refused"
+_JUDGED = ("disturbance", "mode ", _REFUSED)
+"""Codes that verdicts rest on: kept however many other lines there are."""
 
 
 class Happening(NamedTuple):
@@ -23,11 +27,15 @@ class Happening(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """When an event of the scenario really acted; `t_ns` is None when it did not."""
+    """When an event of the scenario really acted; `t_ns` is None when it did not.
+
+    refused: why it was not obeyed, empty when it was
+    """
 
     name: str
     kind: str
     t_ns: int | None
+    refused: str = ""
 
 
 class Happenings(NamedTuple):
@@ -36,6 +44,11 @@ class Happenings(NamedTuple):
     lines: tuple[Happening, ...]
     counts: dict[str, int]
     left_out: int
+
+    @property
+    def refusals(self) -> tuple[Happening, ...]:
+        """Orders that plant or controller refused, of the scenario or over the command key."""
+        return tuple(line for line in self.lines if line.code == _REFUSED)
 
 
 def read_happenings(logs: dict[str, Log]) -> Happenings:
@@ -47,7 +60,7 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
         kept = 0
         for record in log.records("/event"):
             counts[record.code] = counts.get(record.code, 0) + 1
-            if kept >= _MAX_KEPT:
+            if kept >= _MAX_KEPT and not record.code.startswith(_JUDGED):
                 left_out += 1
                 continue
             kept += 1
@@ -56,23 +69,31 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
     return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
 
 
-def instants(scenario: Scenario, happenings: Happenings) -> tuple[Instant, ...]:
+def instants(scenario: Resolved, happenings: Happenings) -> tuple[Instant, ...]:
     """Return when each event of the scenario acted, in the scenario's order.
 
     A disturbance begins at the instant that the plant logged; an operator's command is the
-    scenario's own doing and acts at its time, unless the run ended before.
+    scenario's own doing and acts in its tick, unless it was refused or the run ended before.
     """
     begun: dict[str, int] = {}
     for line in happenings.lines:
         name, _, rest = line.text.partition(" ")
         if line.code == "disturbance" and rest.endswith(" begins"):
             begun.setdefault(name, line.t_ns)
-    return tuple(_instant(scenario, name, begun) for name in scenario.events)
+    ordered = _ordered(scenario, happenings)
+    return tuple(
+        ordered.get(name) or Instant(name, event.kind, begun.get(name))
+        for name, event in scenario.events.items()
+    )
 
 
-def _instant(scenario: Scenario, name: str, begun: dict[str, int]) -> Instant:
-    event = scenario.events[name]
-    if event.to == PLANT:
-        return Instant(name, event.kind, begun.get(name))
-    at_s = event.at_s if event.at_s < scenario.run.duration_s else None
-    return Instant(name, event.kind, None if at_s is None else round(at_s * 1e9))
+def _ordered(scenario: Resolved, happenings: Happenings) -> dict[str, Instant]:
+    """The operator's commands of a scenario by name, each in the tick that it was planned for."""
+    names = [n for n, event in scenario.events.items() if event.to == CONTROLLER]
+    own = {r.t_ns: r.text for r in happenings.refusals if "from scenario" in r.text}
+    found: dict[str, Instant] = {}
+    for name, (tick, command) in zip(names, schedule_of(scenario).items(), strict=True):
+        t_ns = tick * scenario.loop.period_ns
+        acts = t_ns < scenario.run.duration_s * 1e9 and t_ns not in own
+        found[name] = Instant(name, command.kind, t_ns if acts else None, own.get(t_ns, ""))
+    return found

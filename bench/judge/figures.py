@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.judge.electric import Electric, read_electric
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
     QUANTILES,
@@ -14,23 +15,23 @@ from bench.judge.punctuality import (
     answered_share,
     read_timing,
 )
+from bench.judge.response import BAND_MM, response, settled_after_s
 from bench.judge.strokes import (
     Strokes,
     Truth,
     frequency_hz,
-    peak_error_m,
     read_truth,
     set_points,
-    settling_ns,
+    whole_cycles,
 )
 from bench.run.directory import RunFiles
+from controller.build import initial_mode
+from controller.loop import LoopMemory
 from hil import log as logs
-from hil.config.scenario import Scenario
+from hil import snapshot
+from hil.config.resolved import Resolved
 from hil.log import Log
 from hil.wire.commands import CONTROLLER
-
-BAND_M = 0.1e-3
-"""Width of the band about the set point in which the engine counts as settled (thesis 6.3)."""
 
 _FINAL_STROKES = 10
 
@@ -40,12 +41,12 @@ Figures = dict[str, Any]
 class RunData(NamedTuple):
     """What is kept of a run's logs."""
 
-    scenario: Scenario
+    scenario: Resolved
     truth: Truth
     timing: dict[str, TickTiming]
     happenings: Happenings
     instants: tuple[Instant, ...]
-    electric_energy_j: float
+    electric: Electric
     mode: str
 
     @property
@@ -63,7 +64,7 @@ class RunData(NamedTuple):
         return next((i.t_ns for i in self.instants if i.name == name), None)
 
 
-def read_run(scenario: Scenario, files: RunFiles) -> RunData:
+def read_run(scenario: Resolved, files: RunFiles) -> RunData:
     """Read both logs once.
 
     Raises: LogError when one of them cannot be read
@@ -72,33 +73,31 @@ def read_run(scenario: Scenario, files: RunFiles) -> RunData:
         both = {"plant": plant, "controller": controller}
         happenings = read_happenings(both)
         first_m = scenario.controller.tdc_ref_m or 0.0
+        truth = read_truth(plant, first_m, set_points(controller))
         return RunData(
             scenario,
-            read_truth(plant, first_m, set_points(controller)),
+            truth,
             {
                 "plant": read_timing(plant),
                 "controller": read_timing(controller, sample_driven=True),
             },
             happenings,
             instants(scenario, happenings),
-            _electric_energy_j(plant, scenario.loop.period_ns),
-            _last_mode(scenario, happenings),
+            read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
+            _last_mode(scenario, happenings, controller),
         )
 
 
-def _electric_energy_j(plant: Log, period_ns: int) -> float:
-    """Sum of power times tick: what the machine delivered, less what motoring took."""
-    total = sum(float(block["electric_power_w"].sum()) for block in plant.blocks("/sensor"))
-    return total * period_ns * 1e-9
-
-
-def _last_mode(scenario: Scenario, happenings: Happenings) -> str:
+def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:
     """Return the operating mode at the end, from the controller's reports of its changes."""
-    mode = "generating" if scenario.controller.running else "off"
+    mode = initial_mode(scenario.controller)
+    if log.continues and (first := next(log.records("/snapshot"), None)) is not None:
+        mode = snapshot.loads(LoopMemory, first.state).state.mode
+    last = mode.name.lower()
     for line in happenings.lines:
         if line.source == "controller" and line.code.startswith("mode "):
-            mode = line.code.removeprefix("mode ")
-    return mode
+            last = line.code.removeprefix("mode ")
+    return last
 
 
 def figures(data: RunData, wall_s: float | None) -> Figures:
@@ -110,8 +109,9 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     return {
         **_motion(data),
         **_after_main_event(data),
-        "electric_energy_j": data.electric_energy_j,
-        "electric_power_mean_w": _ratio(data.electric_energy_j, simulated_s),
+        "electric_energy_j": data.electric.energy_j,
+        "electric_power_mean_w": data.electric.power_w,
+        "terminal_power_mean_w": data.electric.terminal_w,
         "misfires": data.happenings.counts.get("misfire", 0),
         "contacts": data.truth.contacts,
         "last_speed_m_s": data.truth.last_speed_m_s,
@@ -133,11 +133,11 @@ def _motion(data: RunData) -> Figures:
     count = len(strokes.t_ns)
     tdc_mm = strokes.tdc_m * 1e3
     fuel_mg = strokes.fuel_kg * 1e6
-    every = data.truth.strokes
+    every, length = data.truth.strokes, len(data.scenario.controller.timing.fires)
     return {
-        "strokes": count,
-        "frequency_mean_hz": frequency_hz(every),
-        "frequency_final_hz": frequency_hz(every.part(slice(-_FINAL_STROKES, None))),
+        "strokes": len(every.t_ns),
+        "frequency_mean_hz": frequency_hz(whole_cycles(every, length)),
+        "frequency_final_hz": frequency_hz(whole_cycles(every, length, _FINAL_STROKES)),
         "tdc_mean_mm": float(tdc_mm.mean()) if count else None,
         "tdc_sigma_mm": float(tdc_mm.std(ddof=1)) if count > 1 else None,
         "tdc_min_mm": float(tdc_mm.min()) if count else None,
@@ -165,18 +165,17 @@ def main_instant(data: RunData) -> Instant | None:
     return next(iter(chosen or disturbing or acted), None)
 
 
-def _is_operators(scenario: Scenario, name: str) -> bool:
+def _is_operators(scenario: Resolved, name: str) -> bool:
     return scenario.events[name].to == CONTROLLER
 
 
 def after(strokes: Strokes, event_ns: int) -> Figures:
     """Peak TDC error and settling time from an instant on."""
-    peak = peak_error_m(strokes, event_ns)
-    settling = settling_ns(strokes, event_ns, BAND_M)
+    found = response(strokes, event_ns)
     return {
-        "tdc_error_peak_mm": None if peak is None else peak * 1e3,
-        "settling_s": None if settling is None else settling * 1e-9,
-        "settling_band_mm": BAND_M * 1e3,
+        "tdc_error_peak_mm": found.peak_mm if found.errors_mm else None,
+        "settling_s": settled_after_s(found),
+        "settling_band_mm": BAND_MM,
     }
 
 
@@ -185,6 +184,7 @@ def event_figures(data: RunData) -> list[Figures]:
     rows = []
     for instant in data.instants:
         row: Figures = {"name": instant.name, "kind": instant.kind, "t_s": None}
+        row["refused"] = instant.refused or None
         if instant.t_ns is not None:
             row["t_s"] = instant.t_ns * 1e-9
             row |= after(data.strokes, instant.t_ns)

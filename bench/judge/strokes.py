@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def read_truth(log: Log, tdc_ref_m: float, set_points: tuple[Ints, Floats]) -> T
     Parameters: set_points : instants [ns] from which each set point [m] holds; tdc_ref_m before
     """
     centres: list[NDArray[Any]] = []
-    ticks, end_ns, speed, contacts, last = 0, 0, 0.0, 0, -1
+    ticks, end_ns, speed, contacts, last = 0, log.end_ns, 0.0, 0, -1
     for block in log.blocks("/truth"):
         index = block["dc_index"].astype(np.int64)
         if last < 0:
@@ -99,31 +100,21 @@ def set_points(log: Log) -> tuple[Ints, Floats]:
     return rows["t_ns"][new].astype(np.int64), ref[new].astype(np.float64)
 
 
-def settling_ns(strokes: Strokes, event_ns: int, band_m: float) -> int | None:
-    """Time from an event to the first dead centre after the last one outside the band.
+def whole_cycles(strokes: Strokes, length: int, least: int | None = None) -> Strokes:
+    """Return the dead centres that begin and end the last whole cycles; one less than two of none.
 
-    Zero when none lies outside; None when the last one does, or there is none at all.
+    Parameters: length : strokes after which all repeats, two at least: a period of the motion
+        least : take no more cycles than have so many strokes; None for all
     """
-    after = strokes.since(event_ns)
-    if not len(after.t_ns):
-        return None
-    outside = np.flatnonzero(np.abs(after.error_m) > band_m)
-    if not len(outside):
-        return 0
-    first_inside = int(outside[-1]) + 1
-    if first_inside == len(after.t_ns):
-        return None
-    return int(after.t_ns[first_inside]) - event_ns
-
-
-def peak_error_m(strokes: Strokes, event_ns: float) -> float | None:
-    """Largest distance of a dead centre from its set point, from an instant on."""
-    error = np.abs(strokes.since(event_ns).error_m)
-    return float(error.max()) if len(error) else None
+    cycle = math.lcm(2, length)
+    count = (len(strokes.t_ns) - 1) // cycle * cycle
+    if least is not None:
+        count = min(count, math.ceil(least / cycle) * cycle)
+    return strokes.part(slice(max(len(strokes.t_ns) - 1 - count, 0), None))
 
 
 def frequency_hz(strokes: Strokes) -> float | None:
-    """Mean frequency of the motion; two strokes are one period."""
+    """Mean frequency of the motion over whole cycles; two strokes are one period."""
     if len(strokes.t_ns) < 2:
         return None
     duration_s = float(strokes.t_ns[-1] - strokes.t_ns[0]) * 1e-9

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.judge.figures import RunData, event_figures, figures
-from bench.judge.verdict import Check, judge
+from bench.judge.verdict import Verdict, conclude, judge, refusals
 from bench.run.directory import RunFiles
 from drivers.system.process import versions
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import LogError
 
 SCHEMA = 1
@@ -24,11 +24,12 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
 
     Parameters: run : what the orchestration knows: how the processes ended, wall time, error
     """
-    checks = judge(data)
+    checks, refused = judge(data), refusals(data)
     loop_s = [p["loop_s"] for p in run.get("processes", {}).values() if p.get("loop_s")]
     return {
-        **_head(data.scenario, run, checks),
+        **_head(data.scenario, _fault(run) or conclude(checks, refused)),
         "expectations": [check._asdict() for check in checks],
+        "refused": refused,
         "figures": {**figures(data, max(loop_s, default=None)), **_effort(run)},
         "events": event_figures(data),
         **_tail(data.scenario, run),
@@ -44,34 +45,32 @@ def _effort(run: dict[str, Any]) -> dict[str, float]:
     return {"processor_cores": cores}
 
 
-def summarise_fault(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def summarise_fault(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """Return the summary of a run whose logs cannot be read."""
-    empty: Summary = {"expectations": [], "figures": {}, "events": []}
-    return {**_head(scenario, run, []), **empty, **_tail(scenario, run)}
+    empty: Summary = {"expectations": [], "refused": [], "figures": {}, "events": []}
+    verdict = _fault(run) or conclude([], [])
+    return {**_head(scenario, verdict), **empty, **_tail(scenario, run)}
 
 
-def _head(scenario: Scenario, run: dict[str, Any], checks: list[Check]) -> Summary:
-    """Name, verdict, exit code and its reason."""
-    failed = [check.text for check in checks if not check.met]
+def _fault(run: dict[str, Any]) -> Verdict | None:
+    """Return the verdict of a run that did not end as it should, None when it did."""
     error = run.get("error")
-    if error:
-        verdict, code, reason = "fault", run["exit_code"], error
-    elif failed:
-        verdict, code, reason = "not met", 1, "; ".join(failed)
-    else:
-        told = "every expectation met" if checks else "nothing was expected of the run"
-        verdict, code, reason = "met", 0, told
+    return Verdict("fault", run["exit_code"], error) if error else None
+
+
+def _head(scenario: Resolved, verdict: Verdict) -> Summary:
+    """Name, verdict, exit code and its reason."""
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
         "description": scenario.description,
-        "verdict": verdict,
-        "exit_code": code,
-        "exit_reason": reason,
+        "verdict": verdict.name,
+        "exit_code": verdict.exit_code,
+        "exit_reason": verdict.reason,
     }
 
 
-def _tail(scenario: Scenario, run: dict[str, Any]) -> Summary:
+def _tail(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """How it was run, and by which versions."""
     return {
         "run": {

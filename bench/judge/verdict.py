@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from bench.judge.figures import RunData
-from bench.judge.strokes import peak_error_m, settling_ns
+from bench.judge.response import response, settled_after_s
+from controller.build import initial_mode
 from hil.config.scenario import Expectation
+from hil.errors import BlockedError
 
 AT_REST_M_S = 0.01
+
+
+VERDICTS = {
+    "met": "expectations met",
+    "none": "nothing expected",
+    "not met": "expectation not met",
+    "blocked": "an order was refused",
+    "fault": "fault",
+}
+"""Every verdict of a run, with how it is told."""
+
+NOT_MET = 1
+
+
+class Verdict(NamedTuple):
+    """What a run came to, the exit code of `hil run`, and why, in one line."""
+
+    name: str
+    exit_code: int
+    reason: str
 
 
 class Check(NamedTuple):
@@ -32,6 +54,31 @@ def judge(data: RunData) -> list[Check]:
         keys = [key for key in _JUDGES if key in given]
         checks += [_check(name, key, data, expectation, begin_ns) for key in keys]
     return checks
+
+
+def refusals(data: RunData) -> list[str]:
+    """Tell which orders were refused and what would have been accepted, one line each."""
+    named = [(instant.refused, instant.name) for instant in data.instants if instant.refused]
+    told = []
+    for line in data.happenings.refusals:
+        own = next((pair for pair in named if pair[0] == line.text), None)
+        if own is not None:
+            named.remove(own)
+        who = line.source if own is None else f"event {own[1]!r}"
+        told.append(f"{who} refused: {line.text}")
+    return told
+
+
+def conclude(checks: Sequence[Check], refused: Sequence[str]) -> Verdict:
+    """Return the verdict of a run that went to its end; a refused order outranks expectations."""
+    failed = [check.text for check in checks if not check.met]
+    if refused:
+        return Verdict("blocked", BlockedError.exit_code, "; ".join(refused))
+    if failed:
+        return Verdict("not met", NOT_MET, "; ".join(failed))
+    if checks:
+        return Verdict("met", 0, "every expectation met")
+    return Verdict("none", 0, VERDICTS["none"])
 
 
 def _check(
@@ -59,31 +106,33 @@ def _since(expectation: Expectation) -> str:
 def _within(data: RunData, expectation: Expectation, begin_ns: int) -> Judged:
     """Settled by then: the first dead centre after the last one outside comes no later."""
     limit_mm = expectation.within_mm or 0.0
-    settling = settling_ns(data.strokes, begin_ns, limit_mm * 1e-3)
+    settled_s = settled_after_s(response(data.strokes, begin_ns), limit_mm)
     wanted = f"TDC within ±{limit_mm:g} mm{_since(expectation)}"
-    if settling is None:
+    if settled_s is None:
         return None, False, f"{wanted}: not reached"
-    settled_s = settling * 1e-9
     met = settled_s <= expectation.after_s
     judged = data.strokes.since(begin_ns + expectation.after_s * 1e9)
     if met and not len(judged.t_ns):
         return None, False, f"{wanted}: the run ends before"
-    told = "it was never left" if settling == 0 else f"settled after {settled_s * 1e3:.1f} ms"
+    told = "it was never left" if settled_s == 0.0 else f"settled after {settled_s * 1e3:.1f} ms"
     return settled_s, met, f"{wanted}: {told}"
 
 
 def _peak(data: RunData, expectation: Expectation, begin_ns: int) -> Judged:
     limit_mm = expectation.peak_mm or 0.0
-    peak = peak_error_m(data.strokes, begin_ns + expectation.after_s * 1e9)
+    found = response(data.strokes, begin_ns + round(expectation.after_s * 1e9))
     wanted = f"TDC error at most {limit_mm:g} mm{_since(expectation)}"
-    if peak is None:
+    if not found.errors_mm:
         return None, False, f"{wanted}: no dead centre"
-    return peak * 1e3, peak * 1e3 <= limit_mm, f"{wanted}: {peak * 1e3:.3f} mm"
+    return found.peak_mm, found.peak_mm <= limit_mm, f"{wanted}: {found.peak_mm:.3f} mm"
 
 
 def _mode(data: RunData, expectation: Expectation, _: int) -> Judged:
-    text = f"ends in mode {expectation.mode}: {data.mode}"
-    return data.mode, data.mode == expectation.mode, text
+    wanted = str(expectation.mode)
+    if wanted == "running":
+        wanted = initial_mode(data.scenario.controller.model_copy(update={"running": True})).name
+    wanted = wanted.lower()
+    return data.mode, data.mode == wanted, f"ends in mode {wanted}: {data.mode}"
 
 
 def _at_rest(data: RunData, expectation: Expectation, _: int) -> Judged:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from typing import Any
 
-from bench.run.processes import Status
 from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
+
+Status = Mapping[str, Any]
 
 
 @asynccontextmanager
 async def watch_status(
-    scenario: Scenario, on_status: Callable[[Status], None]
+    scenario: Resolved, on_status: Callable[[Status], None]
 ) -> AsyncIterator[None]:
     """Hand each status that a process publishes to `on_status` while the body runs.
 

@@ -12,8 +12,7 @@ from typing import Any, Final, Protocol
 from rich.console import Console
 
 from drivers.links import open_operator
-from drivers.system.process import read_scenario
-from hil.config.load import parse_assignment
+from hil.config.load import parse_assignment, read_scenario
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
 from hil.wire.commands import BY_PARAMETER, OperatorCommand, read
@@ -178,9 +177,14 @@ def commands_of(assignments: Sequence[str]) -> list[OperatorCommand]:
         if name in given:
             tables.setdefault(kind, {"kind": kind})[name] = given[name]
     try:
-        return [read(table, "hil set") for table in tables.values()]
+        asked = [read(table, "hil set") for table in tables.values()]
     except ValueError as error:
         raise ConfigError(f"hil set: {error}") from None
+    if "law" in given:
+        from controller.motion.choice import check_name
+
+        check_name(given["law"], "hil set: law")
+    return asked
 
 
 def order(kind: str, config: Path | None) -> int:

@@ -33,7 +33,7 @@ def _console() -> Console:
 def replay(path: Path, config: Path | None, start_s: float | None, end_s: float | None) -> int:
     """Replay a log; 0 when identical, 1 when not."""
     from bench.logs.replay import replay as replays
-    from bench.logs.replay.text import show
+    from bench.logs.replay.outcome_table import show
 
     outcome = replays.replay_file(path, config, _span(start_s, end_s))
     with logs.open(path) as log:
@@ -56,8 +56,8 @@ def what_if(
     directory: Path, start: str, assignments: list[str], duration_s: float | None, out: Path | None
 ) -> int:
     """Continue a run with other parameters and draw both."""
+    from bench.logs.what_if.comparison_table import show
     from bench.logs.what_if.continuation import Wish, continue_run
-    from bench.logs.what_if.text import show
 
     console = _console()
     told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,13 +69,13 @@ class Comparison(NamedTuple):
         return self.first is None and self.whole
 
 
-def compare(a: Log, b: Log, *, timing: bool = False) -> Comparison:
-    """Compare all topics that both have, in the memory of a few chunks.
+def compare(a: Log, b: Log, *, timing: bool = False, left_out: Collection[str] = ()) -> Comparison:
+    """Compare all topics that both have but those left out, in the memory of a few chunks.
 
     Raises: LogError when one of them is damaged
     """
     process = a.metadata.get("run", {}).get("process", "controller")
-    both = [name for name in a.topics if name in b.topics]
+    both = [name for name in a.topics if name in b.topics and name not in left_out]
     span = _overlap(a, b)
     gaps = [_topic_gap(a, b, name, span, timing=timing) for name in both]
     order = _ORDER.get(process, ())

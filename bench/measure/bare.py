@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, Literal
 
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import RunError
 
 Side = Literal["plant", "controller"]
@@ -23,7 +23,7 @@ _FOREVER: Final = 1 << 63
 
 
 @contextmanager
-def opened(scenario: Scenario, side: Side) -> Iterator[tuple[Send, Take]]:
+def opened(scenario: Resolved, side: Side) -> Iterator[tuple[Send, Take]]:
     """Yield (send, take) of one side; take waits for so many seconds, or with None for ever."""
     way = _shm if scenario.link.kind == "shm" else _zenoh
     with way(scenario, side) as ends:
@@ -47,7 +47,7 @@ def join(send: Send, take: Take, timeout_s: float) -> None:
 
 
 @contextmanager
-def _zenoh(scenario: Scenario, side: Side) -> Iterator[tuple[Send, Take]]:
+def _zenoh(scenario: Resolved, side: Side) -> Iterator[tuple[Send, Take]]:
     """Publisher and blocking subscriber on the endpoints and transport of the real link."""
     import zenoh
 
@@ -84,7 +84,7 @@ def _patient(try_recv: Callable[[], Any], timeout_s: float) -> bytes | None:
 
 
 @contextmanager
-def _shm(scenario: Scenario, side: Side) -> Iterator[tuple[Send, Take]]:
+def _shm(scenario: Resolved, side: Side) -> Iterator[tuple[Send, Take]]:
     """Publisher and polled subscriber of iceoryx2."""
     import iceoryx2 as iox
 

@@ -9,13 +9,13 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import hil
+from hil import compiled
 from hil.errors import MissingExtraError
 from hil.wire.codec import Decoder, Encoder, iter_frames
 from hil.wire.messages import (
+    PULSE_CLOCK_US,
     ControllerTick,
     MachineCommand,
     Message,
@@ -57,8 +57,8 @@ def tick_messages(tick: int, *, fresh: bool) -> tuple[tuple[Message, ...], tuple
         (
             ControllerTick(tick, 4, 2),
             MachineCommand(2, 0.0, 810.0 - 0.01 * (n % 100), 1.0),
-            Pulse(0, (n * 1000 + 417) % (1 << 20), 3618),
-            Pulse(2, (n * 1000 + 917) % (1 << 20), 500),
+            Pulse(0, (n * 1000 + 417) % PULSE_CLOCK_US, 3618),
+            Pulse(2, (n * 1000 + 917) % PULSE_CLOCK_US, 500),
         ),
     )
 
@@ -109,7 +109,7 @@ def cantools_cost() -> Cost:
         import cantools
     except ImportError:
         raise MissingExtraError("cantools", "desk", "the comparison") from None
-    database: Any = cantools.database.load_file(Path(hil.__file__).parent / "fpeg.dbc")
+    database: Any = cantools.database.load_file(compiled.root() / "hil/wire/fpeg.dbc")
     ticks = [tick_messages(tick, fresh=True) for tick in range(_TICKS)]
     work = [
         (database.get_message_by_name(type(message).__name__), _fields(message))

@@ -15,8 +15,8 @@ from bench.judge.punctuality import answered_share
 from bench.measure import cyclictest
 from bench.measure.latency import machine
 from bench.run import directory, scenarios
-from bench.run.execution import execute
-from hil.config.scenario import Scenario
+from bench.run.execution import execute, resolved
+from hil.config.resolved import Resolved
 from hil.errors import InterruptedRunError, LogError, RunError
 
 MISSED_AT_MOST: Final = 1e-4
@@ -97,15 +97,17 @@ def try_rate(link: str, rate_hz: int, seconds: float) -> Trial:
         ("link.kind", link), ("loop.clock", "realtime"), ("loop.rate_hz", rate_hz),
         ("run.duration_s", seconds),
     ]  # fmt: skip
-    scenario = scenarios.read("steady", changes)
-    beyond = _beyond(rate_hz, scenario) if cyclictest.installed() else None
-    with tempfile.TemporaryDirectory(prefix="hil-rate-") as name:
+    with (
+        tempfile.TemporaryDirectory(prefix="hil-rate-") as name,
+        resolved(scenarios.read("steady", changes)) as scenario,
+    ):
+        beyond = _beyond(rate_hz, scenario) if cyclictest.installed() else None
         files = directory.prepare(scenario.name, Path(name) / "run", force=False)
-        resolved, ended = execute(scenario, files, _Quiet())
+        ended = execute(scenario, files, _Quiet())
         if isinstance(ended.error, InterruptedRunError):
             raise KeyboardInterrupt
         try:
-            data = read_run(resolved, files)
+            data = read_run(scenario, files)
         except (LogError, RunError):
             return Trial(rate_hz, None, None, None, beyond)
         timing = data.timing["plant"]
@@ -116,7 +118,7 @@ def try_rate(link: str, rate_hz: int, seconds: float) -> Trial:
         return Trial(rate_hz, missed, answered_share(timing), late_us, beyond)
 
 
-def _beyond(rate_hz: int, scenario: Scenario) -> float:
+def _beyond(rate_hz: int, scenario: Resolved) -> float:
     """Return the share of cyclictest's cycles that were later than a period."""
     late_us = cyclictest.measure(rate_hz, _CYCLICTEST_S, scenario.realtime.priority)
     return float(np.mean(late_us > 1e6 / rate_hz))

@@ -19,7 +19,7 @@ from rich.console import Console
 from bench.measure import cyclictest
 from bench.run import directory, scenarios
 from bench.run.resolve import resolve
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import RunError
 
 QUANTILES: Final = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9}
@@ -86,7 +86,7 @@ def measure_round(plan: Plan, found: Found) -> None:
             _take(kind, pair(kind, scenario, Path(name)), found)
 
 
-def scenario_of(plan: Plan, sockets: Path) -> Scenario:
+def scenario_of(plan: Plan, sockets: Path) -> Resolved:
     """Return the steady scenario over the link to be measured, on sockets of its own."""
     changes = [
         ("link.kind", plan.link), ("loop.clock", "realtime"), ("loop.rate_hz", plan.rate_hz),
@@ -95,7 +95,7 @@ def scenario_of(plan: Plan, sockets: Path) -> Scenario:
     return resolve(scenarios.read("steady", changes), sockets)
 
 
-def pair(kind: str, scenario: Scenario, folder: Path) -> dict[str, Any]:
+def pair(kind: str, scenario: Resolved, folder: Path) -> dict[str, Any]:
     """Run a source and who answers it; return what the source measured.
 
     Raises: RunError when it fails

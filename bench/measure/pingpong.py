@@ -21,9 +21,9 @@ from typing import Final
 
 from drivers.links import open_link
 from drivers.system.clock import SystemClock
-from drivers.system.process import Stop, guarded, open_recorder, read_scenario
+from drivers.system.process import Stop, guarded, open_recorder
 from drivers.system.realtime import pin, prepare
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved, read_resolved
 from hil.pacing import RealTimePacer, Slot
 from hil.ports import Link
 
@@ -57,19 +57,19 @@ class Times:
         path.write_text(json.dumps(facts), encoding="utf-8")
 
 
-class TimedPacer(RealTimePacer):
-    """Notes how late each slot began."""
+class TimedPacer:
+    """A pacer in real time that notes how late each slot began."""
 
-    __slots__ = ("_times",)
-
-    def __init__(self, scenario: Scenario, times: Times) -> None:
-        period_ns = scenario.loop.period_ns
-        super().__init__(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
+    def __init__(self, scenario: Resolved, times: Times) -> None:
+        self.period_ns = period_ns = scenario.loop.period_ns
+        self.patience_ns = 0
+        self._pacer = RealTimePacer(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
         self._times = times
+        self.start, self.now_ns = self._pacer.start, self._pacer.now_ns
 
     def wait(self, tick: int) -> Slot:
         """Return the slot of the tick."""
-        slot = super().wait(tick)
+        slot = self._pacer.wait(tick)
         self._times.late_ns.append(slot.woke_ns - slot.scheduled_ns)
         self._times.missed += slot.missed
         return slot
@@ -135,7 +135,7 @@ class TimedLink:
         self._link.close()
 
 
-def link_source(scenario: Scenario, out: Path) -> int:
+def link_source(scenario: Resolved, out: Path) -> int:
     """Ask through the link, once a period."""
     granted = prepare(scenario.realtime)
     connection = open_link("plant", scenario.link, scenario.loop)
@@ -155,7 +155,7 @@ def link_source(scenario: Scenario, out: Path) -> int:
     return 0
 
 
-def link_echo(scenario: Scenario, _out: Path) -> int:
+def link_echo(scenario: Resolved, _out: Path) -> int:
     """Send back what comes through the link, until nothing does."""
     prepare(scenario.realtime)
     connection = open_link("controller", scenario.link, scenario.loop)
@@ -174,9 +174,9 @@ def link_echo(scenario: Scenario, _out: Path) -> int:
     return 0
 
 
-def loop_source(scenario: Scenario, out: Path) -> int:
+def loop_source(scenario: Resolved, out: Path) -> int:
     """Run a real plant; its link waits for each answer."""
-    from plant.main import make_loop
+    from plant.build import make_loop
 
     recorder = open_recorder(out.with_suffix(".mcap"), scenario, "plant")
     granted = prepare(scenario.realtime)
@@ -197,7 +197,7 @@ def loop_source(scenario: Scenario, out: Path) -> int:
     return 0
 
 
-def bare_source(scenario: Scenario, out: Path) -> int:
+def bare_source(scenario: Resolved, out: Path) -> int:
     """Ask by the library alone, once a period."""
     from bench.measure import bare
 
@@ -220,7 +220,7 @@ def bare_source(scenario: Scenario, out: Path) -> int:
     return 0
 
 
-def bare_echo(scenario: Scenario, _out: Path) -> int:
+def bare_echo(scenario: Resolved, _out: Path) -> int:
     """Send back what comes, by the library alone."""
     from bench.measure import bare
 
@@ -231,11 +231,11 @@ def bare_echo(scenario: Scenario, _out: Path) -> int:
     return 0
 
 
-def _ticks(scenario: Scenario) -> int:
+def _ticks(scenario: Resolved) -> int:
     return round(scenario.run.duration_s * scenario.loop.rate_hz)
 
 
-ROLES: Final[dict[str, Callable[[Scenario, Path], int]]] = {
+ROLES: Final[dict[str, Callable[[Resolved, Path], int]]] = {
     "bare-source": bare_source, "bare-echo": bare_echo, "link-source": link_source,
     "link-echo": link_echo, "loop-source": loop_source,
 }  # fmt: skip
@@ -248,7 +248,7 @@ def run(argv: list[str] | None = None) -> int:
     parser.add_argument("--config", type=Path, required=True)
     parser.add_argument("--out", type=Path, default=Path("times.json"))
     given = parser.parse_args(argv)
-    return ROLES[given.role](read_scenario(given.config), given.out)
+    return ROLES[given.role](read_resolved(given.config), given.out)
 
 
 def main() -> int:

@@ -17,8 +17,9 @@ import hil.log
 from bench.measure.latency import machine
 from bench.run import directory, scenarios
 from bench.run.directory import RunFiles
-from bench.run.execution import execute
+from bench.run.execution import execute, resolved
 from bench.run.progress import view_for
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import RunError
 from hil.log.segments import segments_before
@@ -140,7 +141,7 @@ def look_at(pid: int, t_s: float) -> Look | None:
     return None if resident is None else Look(t_s, int(resident) << 10, handles)
 
 
-def ages(files: RunFiles, scenario: Scenario) -> Ages:
+def ages(files: RunFiles, scenario: Resolved) -> Ages:
     """Read from both logs how old samples and answers were, in bins over the run."""
     wide = round(BIN_S * scenario.loop.rate_hz)
     sent = _binned(files.plant_log, wide)
@@ -186,7 +187,7 @@ def growth(values: Values) -> float:
     return float(np.median(values[-fifth:]) - np.median(values[:fifth]))
 
 
-def judge(looks: dict[str, list[Look]], aged: Ages, scenario: Scenario) -> list[Verdict]:
+def judge(looks: dict[str, list[Look]], aged: Ages, scenario: Resolved) -> list[Verdict]:
     """Say of everything whether it stayed flat after warm-up."""
     warm_s = min(WARM_UP_S, scenario.run.duration_s / 2.0)
     found = []
@@ -244,21 +245,21 @@ def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, for
 
     Raises: HilError as a run does
     """
-    scenario = endless(minutes, changes)
-    files = directory.prepare("soak", out, force=force)
-    console = Console(highlight=False)
-    watcher = Watcher(os.getpid())
-    watcher.start()
-    with view_for(scenario, console) as view:
-        resolved, ended = execute(scenario, files, view)
-    watcher.stop()
+    with resolved(endless(minutes, changes)) as scenario:
+        files = directory.prepare("soak", out, force=force)
+        console = Console(highlight=False)
+        watcher = Watcher(os.getpid())
+        watcher.start()
+        with view_for(scenario, console) as view:
+            ended = execute(scenario, files, view)
+        watcher.stop()
     if ended.error is not None:
         raise ended.error
     if ended.exit_code:
         return ended.exit_code
-    aged = ages(files, resolved)
-    verdicts = judge(watcher.looks, aged, resolved)
-    told = as_tree(minutes, resolved, watcher.looks, aged, verdicts)
+    aged = ages(files, scenario)
+    verdicts = judge(watcher.looks, aged, scenario)
+    told = as_tree(minutes, scenario, watcher.looks, aged, verdicts)
     (files.directory / "soak.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     for verdict in verdicts:
         console.print(f"{'flat' if verdict.flat else 'NOT FLAT':9}{verdict.what}: {verdict.text}")
@@ -276,7 +277,7 @@ def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, for
 
 def as_tree(
     minutes: float,
-    scenario: Scenario,
+    scenario: Resolved,
     looks: dict[str, list[Look]],
     aged: Ages,
     verdicts: list[Verdict],

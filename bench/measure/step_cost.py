@@ -12,8 +12,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from rich.console import Console
 
-import controller.main
-import plant.main
+import controller.build
+import plant.build
 from bench.measure.latency import machine
 from bench.run import directory, scenarios
 from bench.run.resolve import resolve
@@ -32,8 +32,8 @@ _PLANT_PARTS: Final = {
     "_tell": "plant: status",
 }
 _CONTROLLER_PARTS: Final = {
-    "_understand": "controller: decoding the sample",
-    "_advance": "controller: layers",
+    "_take": "controller: decoding the sample",
+    "_step": "controller: layers",
     "_command": "controller: looking for commands",
     "_record": "controller: packing records",
     "_tell": "controller: status",
@@ -124,9 +124,8 @@ def measure(ticks: int, watch: Stopwatch) -> float:
             open_recorder(Path(name) / f"{side}.mcap", scenario, side)
             for side in ("plant", "controller")
         ]
-        plant_loop = plant.main.make_loop(scenario, ends[0], logs[0])
-        pacer = controller.main.make_pacer(scenario)
-        answering = controller.main.make_loop(scenario, ends[1], pacer, logs[1])
+        plant_loop = plant.build.make_loop(scenario, ends[0], logs[0])
+        answering = controller.build.make_loop(scenario, ends[1], logs[1])
         prepare(scenario.realtime)
         try:
             tick, whole_us = _untimed(plant_loop, answering, ends, ticks)
@@ -163,8 +162,8 @@ def _time_parts(loop: Any, answering: Any, watch: Stopwatch) -> None:  # noqa: A
     for timed, parts in ((loop, _PLANT_PARTS), (answering, _CONTROLLER_PARTS)):
         for name, part in parts.items():
             setattr(timed, name, watch.around(part, getattr(timed, name)))
-        timed._put = watch.around(_RING, timed._put)
-    answering._encoder = _TimedEncoder(answering._encoder, watch)
+        timed._put = watch.around(_RING, timed._put)  # noqa: SLF001  # timed from outside
+    answering._encoder = _TimedEncoder(answering._encoder, watch)  # noqa: SLF001
 
 
 def costs_of(watch: Stopwatch) -> list[Cost]:

@@ -10,7 +10,7 @@ from bench.report.indicator import Cycle
 from bench.report.page import small_tile, table
 from bench.report.style import svg
 from bench.run.directory import RunFiles
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import MissingExtraError
 
 
@@ -35,6 +35,7 @@ _TABLE: Final = (
     Row("friction", "friction_w", "W"),
     Row("motor's drive", "motoring_w", "W"),
     Row("scavenging pumps", "pump_w", "W"),
+    Row("heat of the winding", "copper_w", "W"),
     Row("electric power", "electric_w", "W"),
     Row("heat to the walls", "heat_w", "W"),
     Row("exhaust less intake", "exhaust_w", "W"),
@@ -45,7 +46,7 @@ _TABLE: Final = (
 )
 
 
-def section(scenario: Scenario, files: RunFiles) -> str:
+def section(scenario: Resolved, files: RunFiles) -> str:
     """Return the section as HTML, empty for a model without a gas.
 
     Where there is nothing to show it says why.
@@ -75,8 +76,11 @@ def _tiles(cycle: Cycle) -> str:
     """The figures that one looks for first; those of the combustion only where there is one."""
     f = cycle.figures
     cells = [
-        small_tile("Indicated power", f"{f.indicated_w:.0f}", "W", f"of {f.fuel_w:.0f} W fuel"),
-        small_tile("Electric power", f"{f.electric_w:.0f}", "W", "at the terminals"),
+        small_tile("Indicated power", f"{f.indicated_w:.0f}", "W",
+                   f"of {f.fuel_w:.0f} W fuel" if f.fuel_w > 0.0 else "nothing burns"),
+        small_tile("Electric power", f"{f.electric_w:.0f}", "W",
+                   "less the drive's" if f.motoring_w > 0.0 and f.fuel_w > 0.0
+                   else "at the terminals"),
         small_tile("Compression ratio", f"{f.compression_ratio:.2f}", "", "effective"),
         small_tile("Peak pressure", f"{f.p_max_pa * 1e-5:.1f}", "bar",
                    f"mean {cycle.mean_pressure_pa * 1e-5:.2f} bar"),

@@ -10,6 +10,7 @@ from typing import Any
 
 from bench.judge.figures import RunData
 from bench.judge.summary import Summary
+from bench.judge.verdict import VERDICTS
 from bench.report import cylinders, plots_control, plots_motion
 from bench.report.page import STYLE, TILES, Tile, small_tile, table
 from bench.report.style import style, svg
@@ -73,7 +74,7 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
     facts = [run["model"], run["prototype"].upper(), run["controller"], run["link"], run["clock"]]
     facts += [f"{run['rate_hz']} Hz", f"{run['duration_s']:g} s", f"seed {run['seed']}"]
     verdict = summary["verdict"]
-    badge = f'<span class="badge {verdict.replace(" ", "-")}">{_VERDICTS[verdict]}</span>'
+    badge = f'<span class="badge {verdict.replace(" ", "-")}">{VERDICTS[verdict]}</span>'
     head = (
         f"<header><div><h1>{name}</h1><p>{html.escape(summary['description'])}</p>"
         f'<p class="facts">{html.escape(" · ".join(map(str, facts)))}</p></div>{badge}</header>'
@@ -99,11 +100,8 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
     )
 
 
-_VERDICTS = {"met": "expectations met", "not met": "expectation not met", "fault": "fault"}
-
-
 def _fault(summary: Summary) -> str:
-    if summary["verdict"] != "fault":
+    if summary["verdict"] not in {"fault", "blocked"}:
         return ""
     return f'<p class="fault">{html.escape(summary["exit_reason"])}</p>'
 

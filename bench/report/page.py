@@ -50,6 +50,7 @@ header .facts { font-size: 13px; margin-top: 6px; }
 .badge { flex: none; padding: 7px 16px; border-radius: 999px; color: #fff; font-weight: 600;
   font-size: 14px; margin-top: 4px; background: var(--bad); }
 .badge.met { background: var(--good); }
+.badge.none { background: var(--soft); }
 .fault { border-left: 4px solid var(--bad); background: #fdf0ee; padding: 10px 14px; }
 .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(114px, 1fr)); gap: 10px;
   margin: 22px 0 14px; }

@@ -89,6 +89,7 @@ def parts_of(figures: Any) -> list[Part]:  # noqa: ANN401
         Part("scavenging pumps", f.pump_w, P_TERM),
         Part("friction", f.friction_w, I_TERM),
         Part("motor's drive", f.motoring_w, RIGHT),
+        Part("copper", f.copper_w, EVENT),
         Part("electric", f.electric_w, BAND, remains=True),
     ]
     return [p for p in parts if p.remains or abs(p.power_w) > _SHOWN_SHARE * f.fuel_w]

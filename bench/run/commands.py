@@ -17,12 +17,11 @@ from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
 from bench.run.directory import RunFiles
-from bench.run.execution import Ended, execute
+from bench.run.execution import Ended, execute, resolved
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
-from drivers.system.process import read_scenario
-from hil.config.load import parse_assignment
-from hil.config.scenario import Scenario
+from hil.config.load import parse_assignment, read_scenario
+from hil.config.resolved import Resolved, read_resolved
 from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError, RunError
 
 
@@ -65,19 +64,18 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     """
     if options.report and find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
-    scenario = scenarios.read(name, changes)
-    resolve(scenario)  # before anything is made on the disk
     if options.can_log is not None:
         can_log.check_name(options.can_log)
-    files = outdir.prepare(scenario.name, options.out, force=options.force)
     console = Console(highlight=False)
-    with view_for(scenario, console) as view:
-        resolved, ended = execute(scenario, files, view)
+    with resolved(scenarios.read(name, changes)) as scenario:
+        files = outdir.prepare(scenario.name, options.out, force=options.force)
+        with view_for(scenario, console) as view:
+            ended = execute(scenario, files, view)
     if isinstance(ended.error, ConfigError):
         raise ended.error
-    told = _conclude(resolved, ended, files, report=options.report)
+    told = _conclude(scenario, ended, files, report=options.report)
     if options.can_log is not None and files.plant_log.exists():
-        commands.write_can_log(options.can_log, resolved, files, ended.started)
+        commands.write_can_log(options.can_log, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
         raise ended.error
     if told["verdict"] == "fault":
@@ -90,7 +88,7 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
 
 
 def _conclude(
-    scenario: Scenario, ended: Ended, files: RunFiles, *, report: bool
+    scenario: Resolved, ended: Ended, files: RunFiles, *, report: bool
 ) -> summary.Summary:
     """Judge the logs, write summary and report; a fault leaves as much of both as there is."""
     facts: dict[str, Any] = {
@@ -142,7 +140,7 @@ def report(directory: Path, picture: Path | None) -> int:
     files = outdir.opened(directory)
     if picture is not None:
         outdir.check_file("--picture", picture, ".svg")
-    data = read_run(read_scenario(files.scenario), files)
+    data = read_run(read_resolved(files.scenario), files)
     told = summary.summarise(data, summary.read_run_facts(files))
     summary.write(told, files.summary)
     _write_report(data, told, files)

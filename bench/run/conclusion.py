@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.judge.summary import Summary
+from bench.judge.verdict import VERDICTS
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 Row = tuple[str, str]
+_COLOURS = dict.fromkeys(VERDICTS, "red") | {"met": "green", "none": "yellow"}
 
 
 def show(console: Console, summary: Summary, report: Path | None, directory: Path) -> None:
@@ -18,12 +20,12 @@ def show(console: Console, summary: Summary, report: Path | None, directory: Pat
     from rich.table import Table
     from rich.text import Text
 
-    met = summary["verdict"] == "met"
-    colour = "green" if met else "red"
-    head = Text.assemble(
-        (summary["scenario"], "bold"), ": ", (summary["verdict"], f"bold {colour}")
-    )
+    verdict = summary["verdict"]
+    told = VERDICTS[verdict] if verdict == "none" else verdict
+    head = Text.assemble((summary["scenario"], "bold"), ": ", (told, f"bold {_COLOURS[verdict]}"))
     console.print(head)
+    for line in summary["refused"]:
+        console.print(Text("  ✗ ", style="red") + Text(line, style=""), soft_wrap=True)
     for check in summary["expectations"]:
         sign = Text("  ✓ " if check["met"] else "  ✗ ", style="green" if check["met"] else "red")
         console.print(sign + Text(check["text"], style=""), soft_wrap=True)

@@ -21,6 +21,7 @@ from bench.run.processes import Child, supervise
 from bench.run.progress import View
 from bench.run.resolve import resolve
 from drivers.recorder.client import wait_finished
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, HilError
 
@@ -38,15 +39,20 @@ class Ended(NamedTuple):
     exit_code: int = 0
 
 
-def execute(scenario: Scenario, files: RunFiles, view: View) -> tuple[Scenario, Ended]:
-    """Run a scenario; returns it as resolved, and how its processes ended.
+@contextlib.contextmanager
+def resolved(scenario: Scenario) -> Iterator[Resolved]:
+    """Yield the scenario resolved for one run, whose processes meet on sockets of their own.
 
     Raises: ConfigError when it cannot be run as it is
     """
     with _socket_directory() as sockets:
-        resolved = resolve(scenario, sockets)
-        files.scenario.write_text(resolved.model_dump_json(indent=1), encoding="utf-8")
-        return resolved, uvloop.run(_run(resolved, files, view))
+        yield resolve(scenario, sockets)
+
+
+def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
+    """Run a scenario and tell how its processes ended."""
+    files.scenario.write_text(scenario.model_dump_json(indent=1), encoding="utf-8")
+    return uvloop.run(_run(scenario, files, view))
 
 
 @contextlib.contextmanager
@@ -61,7 +67,7 @@ def _socket_directory() -> Iterator[Path]:
         shutil.rmtree(directory, ignore_errors=True)
 
 
-async def _run(scenario: Scenario, files: RunFiles, view: View) -> Ended:
+async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Start the processes, watch them to their end, and wait for their logs."""
     interrupt = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -79,7 +85,7 @@ async def _run(scenario: Scenario, files: RunFiles, view: View) -> Ended:
     return Ended(processes, wall_s, started, error, error.exit_code if error else 0)
 
 
-async def _start(scenario: Scenario, files: RunFiles, view: View) -> list[Child]:
+async def _start(scenario: Resolved, files: RunFiles, view: View) -> list[Child]:
     """Start both processes, or the one that holds both when the link is memory."""
     config = ["--config", str(files.scenario)]
     plant, controller = str(files.plant_log), str(files.controller_log)

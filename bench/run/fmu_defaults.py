@@ -6,14 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from hil.config.load import describe
+from hil.config.check import check
 from hil.config.plant import PlantConfig
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.fmu.archive import Archive, open_archive
-from plant.fmu.unit import Unit
+from plant.engines.fmu.archive import Archive, open_archive
+from plant.engines.fmu.unit import Unit
 
 
 def is_unit(scenario: Scenario) -> bool:
@@ -21,7 +20,7 @@ def is_unit(scenario: Scenario) -> bool:
     return scenario.plant.model == "fmu"
 
 
-def fill(scenario: Scenario, resolve: Callable[[Scenario], Scenario]) -> Scenario:
+def fill(scenario: Scenario, resolve: Callable[[Scenario], Resolved]) -> Resolved:
     """Return the scenario resolved as with the model that the unit is like, the unit put back.
 
     Raises: ConfigError when the unit cannot be the plant of this run
@@ -41,10 +40,7 @@ def fill(scenario: Scenario, resolve: Callable[[Scenario], Scenario]) -> Scenari
     found = resolve(scenario.model_copy(update={"plant": like}))
     tree: dict[str, Any] = found.model_dump()
     tree["plant"] |= {"model": "fmu", "fmu": fmu.model_dump()}
-    try:
-        return Scenario.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(describe(error, scenario.name)) from None
+    return check(Resolved, tree, scenario.name)
 
 
 def _with_origin(scenario: Scenario, archive: Archive) -> PlantConfig:

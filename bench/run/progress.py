@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from bench.run.processes import Status
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.wire.status import SHOWN
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class View(Protocol):
 class Newest:
     """The newest figures of both processes."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Resolved) -> None:
         self._real_time = scenario.loop.clock == "realtime"
         self._by_process: dict[str, Status] = {}
 
@@ -51,10 +51,11 @@ class Newest:
 
     def figures(self) -> list[tuple[str, str]]:
         """Return the live figures as (name, text); what is not known yet is left out."""
-        tdc, ref = self.get("plant", "tdc_mm"), self.get("controller", "tdc_ref_mm")
+        tdc, ref = self.get("controller", "tdc_mm"), self.get("controller", "tdc_ref_mm")
+        tdc = self.get("plant", "tdc_mm") if tdc is None else tdc
         found: list[tuple[str, str]] = []
         if tdc is not None:
-            error = f" ({tdc - ref:+.3f})" if ref is not None and tdc else ""
+            error = f" ({tdc - ref:+.3f})" if ref is not None else ""
             found.append(("TDC", f"{tdc:6.3f} mm{error}"))
         if (fuel := self.get("controller", "fuel_mg")) is not None:
             found.append(("fuel", SHOWN["fuel_mg"].text(fuel)))
@@ -68,7 +69,7 @@ class Newest:
 class PlainView:
     """A few plain lines, for a pipe or a log file."""
 
-    def __init__(self, scenario: Scenario, console: Console) -> None:
+    def __init__(self, scenario: Resolved, console: Console) -> None:
         self._scenario = scenario
         self._console = console
         self._newest = Newest(scenario)
@@ -99,7 +100,7 @@ class PlainView:
 class LiveView:
     """A bar and a line of figures that are redrawn in place, by nobody but `update`."""
 
-    def __init__(self, scenario: Scenario, console: Console) -> None:
+    def __init__(self, scenario: Resolved, console: Console) -> None:
         from rich.live import Live
 
         self._scenario = scenario
@@ -155,6 +156,6 @@ def _pair(name: str, text: str) -> Any:  # noqa: ANN401
     return Text.assemble((f"{name} ", "dim") if name else "", text)
 
 
-def view_for(scenario: Scenario, console: Console) -> PlainView | LiveView:
+def view_for(scenario: Resolved, console: Console) -> PlainView | LiveView:
     """Return the view that suits where the output goes."""
     return LiveView(scenario, console) if console.is_terminal else PlainView(scenario, console)

@@ -6,20 +6,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from bench.run import engine_defaults, fmu_defaults
+from controller.motion.choice import check_names
 from controller.supervisory import target_load
-from hil.config.load import describe
-from hil.config.plant import PlantConfig
+from hil.config.check import check
 from hil.config.prototypes import Prototype
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
-from plant.params import Engine, engine_of
-
-NOMINAL_FUEL_KG = 2.8185e-6
-"""Fuel that holds 15.5 mm in the linear models of the Newcastle engine (thesis eq. 5.60)."""
+from plant.engines.fast.constants import Constants, constants_of
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
 
 _SLOPE_STEP = 0.01
 
@@ -27,7 +23,7 @@ _SLOPE_STEP = 0.01
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
 
 
-def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
+def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     """Return the scenario with set point, loads, limits, preset and endpoints all given.
 
     Parameters: sockets : directory for the Zenoh sockets of this run, with a short path; None
@@ -36,6 +32,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
     """
     if fmu_defaults.is_unit(scenario):
         return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
+    check_names(scenario)
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(
             f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"
@@ -45,22 +42,12 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Scenario:
     if engine_defaults.is_detailed(scenario):
         engine_defaults.fill(scenario, tree)
     else:
-        prototype = _prototype(scenario)
+        prototype = scenario.plant.resolved_prototype()
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
-    try:
-        return Scenario.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(describe(error, scenario.name)) from None
-
-
-def _prototype(scenario: Scenario) -> Prototype:
-    try:
-        return scenario.plant.resolved_prototype()
-    except ValidationError as error:
-        raise ConfigError(f"{scenario.name}: plant.engine: {error.errors()[0]['msg']}") from None
+    return check(Resolved, tree, scenario.name)
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
@@ -73,27 +60,16 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
         tree["supervisory"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
     if given.limits.tdc_m is None:
         tree["limits"]["tdc_m"] = prototype.position_limit_m
-    engine = engine_of(prototype, scenario.plant.model)
+    if "fuel_max_kg" not in given.limits.model_fields_set:
+        tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
+    engine = constants_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:
-        tree["open_loop"]["fuel_kg"] = fixed_fuel_kg(scenario.plant)
+        tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
 
 
-def fixed_fuel_kg(plant: PlantConfig) -> float:
-    """Return the fuel of open-loop operation where none is given.
-
-    The models of one engine share one figure, so that their motions can be compared; on it the
-    non-linear one strikes the head. The Beijing engine runs at wide open throttle (thesis section
-    5.2), as far as an injector can feed it.
-    """
-    prototype = plant.resolved_prototype()
-    if plant.prototype == "bit":
-        return min(prototype.full_throttle_fuel_kg, prototype.fuel_max_kg)
-    return NOMINAL_FUEL_KG
-
-
-def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load: float) -> None:
+def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:
     """Give the settled motion that the run begins with, or that the laws work about."""
     preset = tree["preset"]
     fuel_kg = preset["fuel_kg"]
@@ -113,7 +89,7 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
         preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
 
 
-def _settling_fuel(engine: Engine, fuel_kg: float, load: float) -> float | None:
+def _settling_fuel(engine: Constants, fuel_kg: float, load: float) -> float | None:
     """Return the fuel if the engine settles on it inside its stroke, else None.
 
     An open-loop run on any other fuel begins at the set point and goes where that fuel takes it.
@@ -125,7 +101,7 @@ def _settling_fuel(engine: Engine, fuel_kg: float, load: float) -> float | None:
     return fuel_kg if inside else None
 
 
-def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:
+def _fuel_per_speed(engine: Constants, fuel_kg: float, load: float) -> float:
     """Return the slope of the settled fuel over the settled mid-stroke speed [kg s/m]."""
     step_kg = _SLOPE_STEP * fuel_kg
     faster = limit_cycle(engine, fuel_kg + step_kg, load).v_mid_m_s
@@ -133,7 +109,7 @@ def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:
     return 2.0 * step_kg / (faster - slower)
 
 
-def _settled(scenario: Scenario, engine: Engine, fuel_kg: float, load: float) -> LimitCycle:
+def _settled(scenario: Scenario, engine: Constants, fuel_kg: float, load: float) -> LimitCycle:
     """Return the settled motion on that fuel; a run that begins in it must not strike a head."""
     cycle = limit_cycle(engine, fuel_kg, load)
     if scenario.begins == "settled" and cycle.tdc_m >= engine.contact_m:

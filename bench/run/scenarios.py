@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from hil import compiled
 from hil.config.load import load
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 
-PACKAGED = Path(__file__).with_name("scenarios")
+PACKAGED = compiled.root() / "bench" / "scenarios"
 
 
 def packaged() -> tuple[Path, ...]:

@@ -13,11 +13,12 @@ from pathlib import Path
 
 from bench.run import directory
 from bench.run.resolve import resolve
-from drivers.system.process import guarded, read_scenario
+from drivers.system.process import guarded
 from drivers.system.service import Service, log_file
-from hil.config.scenario import Scenario
+from hil.config.load import read_scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
-from hil.wire.commands import read, write
+from hil.wire import commands
 
 
 def serve(process: str, config: Path, logs: Path | None) -> int:
@@ -25,7 +26,7 @@ def serve(process: str, config: Path, logs: Path | None) -> int:
 
     Raises: HilError with the line that goes to the journal
     """
-    scenario = checked(resolve(read_scenario(config)), config)
+    scenario = read(config)
     service = Service(process, scenario.loop.rate_hz)
     if process == "sensors":
         from drivers.analog.source import run as run_sensors
@@ -41,11 +42,12 @@ def serve(process: str, config: Path, logs: Path | None) -> int:
     return run_controller(scenario, log, service)
 
 
-def checked(scenario: Scenario, config: Path) -> Scenario:
-    """Refuse what only a run of the bench can do.
+def read(config: Path) -> Resolved:
+    """Read and resolve the scenario of a service; refuse what only a run of the bench can do.
 
     Raises: ConfigError
     """
+    scenario = resolve(read_scenario(config))
     if scenario.loop.clock != "realtime":
         raise ConfigError(f"{config}: loop.clock: a service runs in real time only")
     if scenario.link.kind == "memory":
@@ -57,12 +59,13 @@ def prepare_set_points(config: Path, out: Path) -> int:
     """Check a changed configuration and leave its set points where the controller finds them."""
     fresh = out.with_suffix(".new")
     directory.check_file("--out", fresh)
-    controller = checked(resolve(read_scenario(config)), config).controller
+    controller = read(config).controller
     set_points = {
         "tdc_ref_m": controller.tdc_ref_m,
         "target_power_w": controller.supervisory.target_power_w,
     }
-    fresh.write_bytes(write(read({"kind": "set-point", **set_points}, "reload")))
+    command = commands.read({"kind": "set-point", **set_points}, "reload")
+    fresh.write_bytes(commands.write(command))
     fresh.replace(out)
     return 0
 

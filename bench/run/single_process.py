@@ -9,21 +9,24 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import controller.main
-import plant.main
+import controller.build
+import controller.follow
+import plant.build
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
-from drivers.system.process import Stop, guarded, last_words, open_recorder, read_scenario
+from drivers.system.clock import SystemClock
+from drivers.system.process import Stop, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved, read_resolved
 from hil.ports import Link
+from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
 
 
-def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None) -> int:
+def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None) -> int:
     """Run both loops in turn: the controller answers inside the plant's send.
 
     Raises: ConfigError
@@ -36,10 +39,11 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
         open_recorder(controller_log, scenario, "controller"),
     )
     try:
-        plant_loop = plant.main.make_loop(scenario, plant_end, recorders[0])
-        controller_loop = controller.main.make_loop(
-            scenario, controller_end, controller.main.make_pacer(scenario), recorders[1]
-        )
+        clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
+        pacer = plant.build.make_pacer(scenario, clock)
+        plant_loop = plant.build.make_loop(scenario, plant_end, recorders[0], pacer)
+        pacer = controller.build.make_pacer(scenario, SystemClock(scenario.realtime.spin_s))
+        controller_loop = controller.build.make_loop(scenario, controller_end, recorders[1], pacer)
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
         for name, end in (("plant", plant_end), ("controller", controller_end)):
@@ -47,7 +51,7 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
             end.status.on_publish = _tell_of(name)
         granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
         start_s = time.perf_counter()
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks and not stop.requested:
             tick = plant_loop.turn(tick)
         loop_s = time.perf_counter() - start_s
@@ -57,14 +61,14 @@ def run(scenario: Scenario, plant_log: Path | None, controller_log: Path | None)
                 closing.callback(recorder.close)
     last_words(
         {
-            "plant": plant.main.facts(plant_loop, plant_end, tick),
-            "controller": controller.main.facts(controller_loop, controller_end),
+            "plant": facts(plant_loop, plant_end, tick),
+            "controller": controller.follow.facts(controller_loop, controller_end.link),
             "granted": granted,
             "loop_s": loop_s,
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,
         }
     )
-    plant.main.raise_if_lost(plant_loop)
+    raise_if_lost(plant_loop)
     return 0
 
 
@@ -98,7 +102,7 @@ def main() -> int:
     parser.add_argument("--plant-log", type=Path)
     parser.add_argument("--controller-log", type=Path)
     given = parser.parse_args()
-    return guarded(lambda: run(read_scenario(given.config), given.plant_log, given.controller_log))
+    return guarded(lambda: run(read_resolved(given.config), given.plant_log, given.controller_log))
 
 
 if __name__ == "__main__":

@@ -11,14 +11,15 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final, NamedTuple
 
-from bench.studies.bound import Bound, Informed
+from bench.judge.response import Response
+from bench.studies.bound import Informed
 from hil.config.detailed import Calibration
 from hil.errors import ConfigError
-from plant.detailed import layout as at
-from plant.detailed.engine import RECORD_ROWS, Engine, engine_of
-from plant.detailed.settle import settle
-from plant.detailed.solver import advance, scratch
-from plant.detailed.types import Array
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import RECORD_ROWS, Engine, engine_of
+from plant.engines.detailed.settle import settle
+from plant.engines.detailed.solver import advance, scratch
+from plant.engines.detailed.types import Array
 
 _RANGE: Final = (0.4, 1.8)
 """Of the energy of the settled charge: below it the engine stops, above it strikes a head."""
@@ -92,7 +93,7 @@ class Bench:
 def step_bound(
     calibration: Calibration, tdc_ref_m: float, fuel_kg: float, load_n_s_m: float, scale: float,
     fraction: float, knowledge: Informed = "full", *, advance_s: float = 1.5e-3, strokes: int = 12,
-) -> Bound:  # fmt: skip
+) -> Response:  # fmt: skip
     """The bound after a load step at a fraction of the undisturbed stroke.
 
     Parameters: fuel_kg : of the settled engine; advance_s : see `Bench`; knowledge : `full` or
@@ -117,7 +118,7 @@ def step_bound(
         times.append(float(d[at.T]) - change.at_s)
         errors.append((abs(float(d[at.DC_X])) - tdc_ref_m) * 1e3)
         fuels.append(energy / joule)
-    return Bound(tuple(times), tuple(errors), tuple(fuels))
+    return Response(tuple(times), tuple(errors), fuel_kg=tuple(fuels))
 
 
 def _deadbeat(beyond: Callable[[float], float], limits: tuple[float, float]) -> float:

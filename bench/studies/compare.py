@@ -1,23 +1,24 @@
-"""`hil compare`: several laws on the same load steps at four moments, beside the physical bound."""
+"""Several laws on the same load steps at four moments, beside the physical bound."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from bench.judge.response import Response
-from bench.run import directory as outdir
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
-from bench.studies.bound import Bound, Informed, step_bound
-from hil.config.controller import ControllerName
-from hil.config.load import build, parse_assignment, read_toml, with_override
+from bench.studies.bound import Informed, step_bound
+from controller.motion.choice import check_name
+from controller.motion.laws import LAWS
+from hil.config.base import read_toml
+from hil.config.load import build, with_override
+from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 MOMENTS = {"a": (0, 0.25), "b": (0, 0.75), "c": (1, 0.25), "d": (1, 0.75)}
 """Strokes after the event's own, and fraction of the stroke (thesis Fig 6.11)."""
@@ -44,53 +45,24 @@ class Cell(NamedTuple):
 class Comparison(NamedTuple):
     """All that is drawn and told; the bounds are None for a model that has none."""
 
-    scenario: Scenario
+    scenario: Resolved
     event: str
     loads: tuple[float, ...]
     laws: tuple[str, ...]
     cells: dict[tuple[str, float, str], Cell]
-    bounds: dict[tuple[float, str, str], Bound]
+    bounds: dict[tuple[float, str, str], Response]
 
 
-def run(
-    name: str, controllers: str, model: str | None, out: Path | None, assignments: list[str]
-) -> int:
-    """Compare, print the table, write it with the pictures; returns the exit code.
-
-    Raises: ConfigError
-    """
-    from rich.console import Console
-
-    from bench.studies.compare_page import table, write_page
-
-    changes = [parse_assignment(text) for text in assignments]
-    if model is not None:
-        changes.append(("plant.model", model))
-    laws = laws_of(controllers)
-    directory = out or Path("runs") / f"compare-{scenarios.read(name, changes).name}"
-    outdir.make_directory("--out", directory)
-    found = compare(name, laws, changes)
-    text = table(found)
-    (directory / "table.md").write_text(text, encoding="utf-8")
-    console = Console(highlight=False)
-    console.print(text, markup=False, soft_wrap=True)
-    write_page(found, directory / "compare.html")
-    console.print(f"{directory / 'compare.html'}", markup=False)
-    return 0
-
-
-def laws_of(text: str) -> tuple[str, ...]:
-    """Names separated by commas.
+def laws_of(text: str | None) -> tuple[str, ...]:
+    """Names separated by commas; None for all that control.
 
     Raises: ConfigError for one that is no law
     """
-    known = get_args(ControllerName)
+    if text is None:
+        return tuple(name for name in LAWS if name != NO_CONTROL)
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    for name in names:
-        if name not in known:
-            raise ConfigError(f"--controllers {name!r}: accepted are {', '.join(known)}")
-    if not names:
-        raise ConfigError(f"--controllers: accepted are {', '.join(known)}")
+    for name in names or ("",):
+        check_name(name, "--controllers")
     return names
 
 
@@ -131,7 +103,7 @@ def _shortened(tree: Tree, event: str) -> Tree:
     return with_override(tree, f"events.{event}.at_s", EVENT_S)
 
 
-def _cell(tree: Tree, base: Scenario, event: str, law: str, load: float, moment: str) -> Cell:
+def _cell(tree: Tree, base: Resolved, event: str, law: str, load: float, moment: str) -> Cell:
     """One law, one step."""
     strokes, fraction = MOMENTS[moment]
     stroke_s = base.controller.preset.stroke_s or 0.0
@@ -166,7 +138,7 @@ def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) 
     return Cell(law, load, moment, response, fuels, ", ".join(faults))
 
 
-def _bounds(base: Scenario, loads: Sequence[float]) -> dict[tuple[float, str, str], Bound]:
+def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, str], Response]:
     """The bound with full and with mid-stroke knowledge, for the models that have one."""
     find = _bound_of(base)
     found = {}
@@ -181,18 +153,18 @@ def _bounds(base: Scenario, loads: Sequence[float]) -> dict[tuple[float, str, st
     return found
 
 
-def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | None:
+def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
     """The function from load, moment in the stroke and knowledge to the bound of an engine."""
     plant, controller = base.plant, base.controller
     ref_m = controller.tdc_ref_m or 0.0
     nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
     if plant.model in FAST_MODELS:
-        engine = engine_of(plant.resolved_prototype(), plant.model)
+        engine = constants_of(plant.resolved_prototype(), plant.model)
         return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
     if plant.model != "two-stroke":
         return None
     from bench.studies import bound_detailed
-    from plant.detailed.settle import calibration_of
+    from plant.engines.detailed.settle import calibration_of
 
     calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
     advance_s = controller.timing.spark_advance_s
@@ -201,7 +173,7 @@ def _bound_of(base: Scenario) -> Callable[[float, float, Informed], Bound] | Non
     )
 
 
-def excess(cell: Cell, bound: Bound | None) -> float:
+def excess(cell: Cell, bound: Response | None) -> float:
     """How far a peak is above the bound, as a share; nan without one."""
     if bound is None or not cell.response.errors_mm:
         return math.nan

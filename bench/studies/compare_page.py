@@ -7,21 +7,19 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.judge.response import BAND_MM, Response
 from bench.report.page import STYLE
-from bench.studies.bound import Bound
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison
+from controller.motion.laws import LAWS
 from hil.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {
-    "cascade": "#1f5fa8", "single-loop": "#8a94a6", "pdf": "#0f8b8d", "predictive": "#b5651d",
-    "observer": "#7a4fa3", "machine": "#2a9d6f", NO_CONTROL: "#b9c0ca",
-}  # fmt: skip
+_UNCONTROLLED = "#b9c0ca"
+_PALETTE = ("#1f5fa8", "#8a94a6", "#0f8b8d", "#b5651d", "#7a4fa3", "#2a9d6f", "#9c2f6b", "#5d7a1f")
 BOUND, BAND = "#c0392b", "#2a9d6f"
-_BAND_MM = 0.1
 _SHOWN_S = 0.35
 
 
@@ -48,7 +46,7 @@ def _row(first: str, cells: list[str]) -> str:
     return f"| {first} | " + " | ".join(cells) + " |"
 
 
-def _pair(bound: Bound | None) -> str:
+def _pair(bound: Response | None) -> str:
     return "-" if bound is None else f"{bound.peak_mm:.3f} / {_ms(bound.settling_ms)}"
 
 
@@ -102,7 +100,7 @@ def _responses(found: Comparison, load: float) -> Figure:
     for axes, moment in zip(panels, ("a", "b"), strict=True):
         for law in found.laws:
             cell = found.cells[law, load, moment]
-            _line(axes, cell.response.times_s, cell.response.errors_mm, COLOURS[law], law)
+            _line(axes, cell.response.times_s, cell.response.errors_mm, _colour(law), law)
         _bound_line(axes, found.bounds.get((load, moment, "full")))
         _dress(axes, f"Load {100 * (load - 1):+.0f} % at moment {moment}")
     panels[0].legend(loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
@@ -117,7 +115,7 @@ def _fuel(found: Comparison, load: float) -> Figure:
     figure, (axes,) = canvas(WIDE, 3.8)
     for law in found.laws:
         cell = found.cells[law, load, "a"]
-        _line(axes, cell.response.times_s, cell.fuel_mg, COLOURS[law], law)
+        _line(axes, cell.response.times_s, cell.fuel_mg, _colour(law), law)
     bound = found.bounds.get((load, "a", "full"))
     if bound is not None:
         _line(axes, bound.times_s, [1e6 * m for m in bound.fuel_kg], BOUND, "bound")
@@ -135,7 +133,7 @@ def _moments(found: Comparison, law: str, load: float) -> Figure:
 
     figure, (axes,) = canvas(2.0 * HALF, 3.4)
     styles = {"a": "-", "b": "-", "c": "--", "d": "--"}
-    colours = {"a": COLOURS[law], "b": BOUND, "c": "#d9730d", "d": "#3d4451"}
+    colours = {"a": _colour(law), "b": BOUND, "c": "#d9730d", "d": "#3d4451"}
     for moment in MOMENTS:
         response = found.cells[law, load, moment].response
         axes.plot([1e3 * t for t in response.times_s], response.errors_mm, styles[moment],
@@ -146,19 +144,27 @@ def _moments(found: Comparison, law: str, load: float) -> Figure:
     return figure
 
 
+def _colour(law: str) -> str:
+    """A law's colour is that of its row among the laws, in every picture."""
+    controlled = [name for name in LAWS if name != NO_CONTROL]
+    if law == NO_CONTROL:
+        return _UNCONTROLLED
+    return _PALETTE[controlled.index(law) % len(_PALETTE)]
+
+
 def _line(axes: Axes, times_s: object, values: object, colour: str, label: str) -> None:
     times = [1e3 * t for t in times_s]  # type: ignore[attr-defined]
     axes.plot(times, values, "-o", markersize=3.0, color=colour, label=label)  # type: ignore[arg-type]
 
 
-def _bound_line(axes: Axes, bound: Bound | None) -> None:
+def _bound_line(axes: Axes, bound: Response | None) -> None:
     if bound is not None:
         axes.plot([1e3 * t for t in bound.times_s], bound.errors_mm, ":s", color=BOUND,
                   markersize=5.0, markerfacecolor="none", label="physical bound")  # fmt: skip
 
 
 def _dress(axes: Axes, title: str) -> None:
-    axes.axhspan(-_BAND_MM, _BAND_MM, color=BAND, alpha=0.16, lw=0)
+    axes.axhspan(-BAND_MM, BAND_MM, color=BAND, alpha=0.16, lw=0)
     axes.set_xlim(0.0, 1e3 * _SHOWN_S)
     axes.set_title(title)
     axes.set_ylabel("TDC error  [mm]")

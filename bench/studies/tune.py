@@ -16,15 +16,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bench.judge.response import Response
 from bench.run import directory
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
-from hil.config.load import build, read_toml, with_override
-from hil.config.scenario import Scenario
+from controller.motion.laws import LAWS
+from hil.config.base import read_toml
+from hil.config.controller import ControllerConfig
+from hil.config.load import build, with_override
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-BAND_MM = 0.1
 MODELS = ("harmonic", "rectangular")
 LOADS = (0.85, 1.15)
 FRACTIONS = (0.25, 0.75)
@@ -68,53 +71,13 @@ OTHER_ENGINES = tuple(
 """Engines that the controller does not know of: the robustness constraint."""
 
 
-class Result(NamedTuple):
-    """TDC errors [mm] after the step with their times [s], and what is read off them."""
-
-    times_s: tuple[float, ...]
-    errors_mm: tuple[float, ...]
-
-    @property
-    def peak_mm(self) -> float:
-        """Largest error."""
-        return max((abs(error) for error in self.errors_mm), default=math.inf)
-
-    @property
-    def late_mm(self) -> float:
-        """Largest error after `LATE_S`: the margin that settling has in its band."""
-        pairs = zip(self.times_s, self.errors_mm, strict=True)
-        return max((abs(error) for t, error in pairs if t > LATE_S), default=math.inf)
-
-    @property
-    def settling_ms(self) -> float:
-        """From the step to the first dead centre after the last one outside the band."""
-        outside = [i for i, error in enumerate(self.errors_mm) if abs(error) > BAND_MM]
-        first = outside[-1] + 1 if outside else 0
-        return 1e3 * self.times_s[first] if first < len(self.times_s) else float("inf")
-
-
-class Tunable(NamedTuple):
-    """A law's section and the keys in it that a search may move."""
-
-    section: str
-    keys: tuple[str, ...]
-
-
-TUNABLE = {
-    "cascade": Tunable("cascade", ("outer.kp", "outer.ki", "inner.kp", "inner.ki")),
-    "single-loop": Tunable("single_loop", ("tdc.kp", "tdc.ki")),
-    "pdf": Tunable("learning", ("gain", "inertia_gain")),
-    "predictive": Tunable("predictive", ("drift", "noise_gain", "gate")),
-    "observer": Tunable("observer", ("drift_n_s_m", "charge_spread", "load_jump", "gate")),
-    "machine": Tunable("machine", ("gain", "begin_s", "release_s")),
-}
-"""Every law that has something to tune."""
+TUNABLE = {name: law.parameters for name, law in LAWS.items() if law.parameters}
+"""Every law that has something to tune, with the keys of its gains below `controller.`."""
 
 
 def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
     """The load-decrease scenario for a cell, with the event early and the law's gains set."""
     tree = read_toml(find("load-decrease"))
-    section = TUNABLE[law].section
     settings: dict[str, Any] = {
         "run.duration_s": DURATION_S,
         "plant.model": cell.model,
@@ -123,7 +86,7 @@ def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
         "events.load.value": cell.load,
         "events.load.at_s": EVENT_S,
         "events.load.at_stroke_fraction": cell.fraction,
-        **{f"controller.{section}.{key}": value for key, value in gains.items()},
+        **{f"controller.{key}": value for key, value in gains.items()},
     }
     if cell.engine:
         believed = resolve(build(with_override(tree, "plant.model", cell.model), str(cell)))
@@ -138,22 +101,22 @@ def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
     return tree
 
 
-def scenario_of(cell: Cell, law: str, gains: Gains) -> Scenario:
+def scenario_of(cell: Cell, law: str, gains: Gains) -> Resolved:
     """The resolved scenario of a cell."""
     return resolve(build(tree_of(cell, law, gains), str(cell)))
 
 
-def judge(cell: Cell, law: str, gains: Gains) -> Result:
+def judge(cell: Cell, law: str, gains: Gains) -> Response:
     """Run one cell."""
     scenario = scenario_of(cell, law, gains)
     return read_off(simulate(scenario), scenario.controller.tdc_ref_m or 0.0)
 
 
-def read_off(course: Course, tdc_ref_m: float) -> Result:
+def read_off(course: Course, tdc_ref_m: float) -> Response:
     """TDC errors from the load step on; none when the engine stopped before it."""
     step_ns = next((e.t_ns for e in course.events if e.code == "disturbance"), math.inf)
     after = [dc for dc in course.dead_centres if dc.t_ns > step_ns]
-    return Result(
+    return Response(
         tuple((dc.t_ns - step_ns) * 1e-9 for dc in after),
         tuple((abs(dc.x_m) - tdc_ref_m) * 1e3 for dc in after),
     )
@@ -166,35 +129,35 @@ def cost(law: str, vector: Sequence[float]) -> float:
     from paying for the last micrometre with a large overshoot. The constraint: with another engine
     than is believed no late error beyond `ROBUST_MM`; what is beyond counts ten times.
     """
-    gains = dict(zip(TUNABLE[law].keys, vector, strict=True))
+    gains = dict(zip(TUNABLE[law], vector, strict=True))
     results = [judge(cell, law, gains) for cell in CELLS]
     others = [judge(cell, law, gains) for cell in OTHER_ENGINES]
     if any(len(result.errors_mm) < FEWEST_STROKES for result in results + others):
         return UNSETTLED
     squares = sum(min(abs(e), 5.0) ** 2 for result in results for e in result.errors_mm)
-    beyond = max(max(result.late_mm for result in others) - ROBUST_MM, 0.0)
-    return max(result.late_mm for result in results) + 1e-3 * squares + 10.0 * beyond
+    beyond = max(max(result.peak_after_mm(LATE_S) for result in others) - ROBUST_MM, 0.0)
+    return max(result.peak_after_mm(LATE_S) for result in results) + 1e-3 * squares + 10.0 * beyond
 
 
 def looked_for(law: str, start: Gains, generations: int) -> Gains:
     """Differential evolution, seeded, within a factor of two about the gains in force."""
     from scipy.optimize import differential_evolution
 
-    x0 = [start[key] for key in TUNABLE[law].keys]
+    x0 = [start[key] for key in TUNABLE[law]]
     bounds = [sorted((0.5 * gain, min(2.0 * gain, 1.0) if law == "machine" and gain > 0.1
                       else 2.0 * gain)) for gain in x0]  # fmt: skip
     found = differential_evolution(
         lambda x: cost(law, list(x)), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
         polish=False,
     )  # fmt: skip
-    return dict(zip(TUNABLE[law].keys, map(float, found.x), strict=True))
+    return dict(zip(TUNABLE[law], map(float, found.x), strict=True))
 
 
 def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
     found = {}
-    for key in TUNABLE[law].keys:
-        value: Any = getattr(Scenario().controller, TUNABLE[law].section)
+    for key in TUNABLE[law]:
+        value: Any = ControllerConfig()
         for part in key.split("."):
             value = getattr(value, part)
         found[key] = float(value)
@@ -208,7 +171,7 @@ def table(law: str, gains: Gains) -> str:
         result = judge(cell, law, gains)
         lines.append(
             f"  {cell}: peak {result.peak_mm:.3f} mm, settles in {result.settling_ms:.0f} ms,"
-            f" at most {result.late_mm:.3f} mm after {1e3 * LATE_S:.0f} ms"
+            f" at most {result.peak_after_mm(LATE_S):.3f} mm after {1e3 * LATE_S:.0f} ms"
         )
     return "\n".join(lines)
 
@@ -227,7 +190,7 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
     if search:
         gains = looked_for(law, gains, generations)
     print(table(law, gains))
-    costs = tuple(cost(law, [g[key] for key in TUNABLE[law].keys]) for g in (before, gains))
+    costs = tuple(cost(law, [g[key] for key in TUNABLE[law]]) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")
     if out is not None:
         _write(law, gains, costs, out, generations if search else 0)
@@ -237,7 +200,7 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
 
 def _read_gains(law: str, text: str) -> Gains:
     """Gains in the order of the law's keys."""
-    keys = TUNABLE[law].keys
+    keys = TUNABLE[law]
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
@@ -255,7 +218,7 @@ def _write(law: str, gains: Gains, costs: tuple[float, ...], out: Path, generati
     tree = with_override(tree, "name", f"tuned-{law}")
     tree = with_override(tree, "controller.name", law)
     for key, value in gains.items():
-        tree = with_override(tree, f"controller.{TUNABLE[law].section}.{key}", value)
+        tree = with_override(tree, f"controller.{key}", value)
     tree = with_override(tree, "controller.tuning", {
         "law": law, "objective": " ".join((cost.__doc__ or "").split()),
         "cells": [str(cell) for cell in (*CELLS, *OTHER_ENGINES)],

@@ -16,7 +16,7 @@ from drivers.system.process import Stop, last_words
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
 from hil.config.inputs import InputsConfig, SensorConfig
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.pacing import Pacer, RealTimePacer
 from hil.ports import Link
@@ -110,7 +110,7 @@ class SourceLoop:
         return slot.tick + 1
 
 
-def run(scenario: Scenario, service: Service, open_input: Open = IioInput) -> int:
+def run(scenario: Resolved, service: Service, open_input: Open = IioInput) -> int:
     """Stand in for the plant until asked to end.
 
     Raises: ConfigError, LinkError, RunError

@@ -13,7 +13,7 @@ from typing import Any, Final
 from drivers.gpio.process import HEAD
 from drivers.links import Connection
 from drivers.recorder import ring
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, RunError
 from hil.ports import Link
 
@@ -28,12 +28,12 @@ class OutputProcess:
     Raises: RunError when it does not come up, with what it said
     """
 
-    def __init__(self, scenario: Scenario, command: tuple[str, ...] = ()) -> None:
+    def __init__(self, scenario: Resolved, command: tuple[str, ...] = ()) -> None:
         fd = ring.create(RING_BYTES)
         self._ring = ring.Producer(fd)
         told = {
             "outputs": scenario.outputs.model_dump(), "ring": fd, "parent": os.getpid(),
-            "period_ns": scenario.loop.period_ns,
+            "period_ns": scenario.loop.period_ns, "stale_ticks": scenario.plant.stale_ticks,
         }  # fmt: skip
         words = command or (sys.executable, "-P", "-m", "drivers.gpio.process")
         self._process = subprocess.Popen(
@@ -88,7 +88,7 @@ class OutputLink:
         Raises: LinkError as the link, RunError when the process of the lines is gone
         """
         self._link.send(batch)
-        self._outputs.put(HEAD.pack(self._arrived_ns or time.monotonic_ns(), len(batch)) + batch)
+        self._outputs.put(HEAD.pack(self._arrived_ns, time.monotonic_ns(), len(batch)) + batch)
         self._sent += 1
         if self._sent % _LOOK_EVERY == 0:
             self._outputs.check()
@@ -102,8 +102,8 @@ class OutputLink:
         return self._noted(self._link.wait(timeout_ns))
 
     def _noted(self, batch: bytes | None) -> bytes | None:
-        if batch is not None:
-            self._arrived_ns = time.monotonic_ns()
+        """Note when a sample came; of a tick that is answered without one there is no arrival."""
+        self._arrived_ns = 0 if batch is None else time.monotonic_ns()
         return batch
 
     def peer_alive(self) -> bool:
@@ -127,7 +127,7 @@ class OutputLink:
         self._link.close()
 
 
-def open_outputs(scenario: Scenario) -> OutputProcess | None:
+def open_outputs(scenario: Resolved) -> OutputProcess | None:
     """Start the process of the lines where the configuration names a chip.
 
     Raises: ConfigError in lockstep, whose time is nobody's; RunError when it does not come up

@@ -1,7 +1,7 @@
 """The process that drives the TTL lines: fed with the frames that are sent, edges placed by time.
 
-It holds the lines low before the first frame, in the safe state, after silence, when the loop's
-process is gone, and when it ends. After its kill drivers/gpio/low.py does.
+It holds the lines low before the first frame, in a mode that does not fire, after silence, when the
+loop's process is gone, and when it ends. After its kill drivers/gpio/low.py does.
 """
 
 from __future__ import annotations
@@ -18,86 +18,96 @@ from types import FrameType
 from typing import Final
 
 from drivers.gpio.lines import GpiodLines, Lines
-from drivers.gpio.schedule import EdgeSchedule, PlantClock, unwrapped_ns
+from drivers.gpio.schedule import EdgeSchedule, PlantClock
 from drivers.recorder.ring import Consumer
 from drivers.system.process import guarded
 from drivers.system.realtime import prepare
 from hil.config.outputs import OutputsConfig
 from hil.config.process import RealtimeConfig
 from hil.wire.codec import Decoder
-from hil.wire.messages import OPERATING_MODES, ControllerTick, Pulse
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.messages import ControllerTick, Pulse
+from hil.wire.pulses import Edge
 
-HEAD: Final = struct.Struct("<qH")  # arrival of the sample that was answered [ns], bytes of frames
+HEAD: Final = struct.Struct("<qqH")
+"""Arrival of the sample that is answered, 0 for none, and sending [ns]; bytes of frames."""
 _READ_BYTES: Final = 1 << 16
-_SAFE: Final = next(number for number, name in OPERATING_MODES.items() if name == "safe")
 _NAP_NS: Final = 250_000
 
 
 class EdgeDriver:
-    """Frames to edges on lines; knows nothing of processes."""
+    """Frames to edges on lines; knows nothing of processes.
 
-    def __init__(self, lines: Lines, config: OutputsConfig, period_ns: int) -> None:
+    period_ns, stale_ticks : the plant's tick, and how many without an answer it waits
+    """
+
+    def __init__(
+        self, lines: Lines, config: OutputsConfig, period_ns: int, stale_ticks: int
+    ) -> None:
         self._lines = lines
-        self._schedule = EdgeSchedule(lines.channels, config.late_us * 1000)
+        self._late_ns = config.late_us * 1000
+        self._period_ns = period_ns
+        self._silence_ns = stale_ticks * period_ns
+        if config.silence_s is not None:
+            self._silence_ns = min(self._silence_ns, round(config.silence_s * 1e9))
         self._clock = PlantClock(period_ns, config.phase_us * 1000)
         self._decoder = Decoder("controller")
-        self._silence_ns = round(config.silence_s * 1e9)
-        self._heard_ns: int | None = None
+        self._schedule = EdgeSchedule(self._silence_ns)
+        self._tick = 0
+        self.late = 0
+        """Openings that were left out, since it was too late for them."""
 
-    @property
-    def late(self) -> int:
-        """Openings that were known too late."""
-        return self._schedule.late
+    def take(self, arrival_ns: int, sent_ns: int, batch: bytes) -> None:
+        """Take the frames of one answer, which act from the tick on that begins next.
 
-    def take(self, arrival_ns: int, batch: bytes, now_ns: int) -> None:
-        """Take the frames of one answer; the mode `safe` ends everything at once."""
-        tick, mode, pulses = -1, _SAFE, []
+        Parameters: arrival_ns : when the sample came, 0 for none; sent_ns : when the answer left,
+            both on the monotonic clock [ns]
+        """
+        if self._clock.tick_after(sent_ns) - self._tick > MAX_DELTA:
+            self._decoder.forget_counters()
+        tick, mode, pulses = -1, None, []
         for message in self._decoder.decode(batch):
             kind = type(message)
             if kind is ControllerTick:
                 tick, mode = message.tick, message.mode
             elif kind is Pulse:
                 pulses.append(message)
-        if tick < 0:
-            return
-        self._heard_ns = now_ns
-        self._clock.arrived(tick, arrival_ns)
-        plant_ns = self._clock.plant_ns(now_ns)
-        if mode == _SAFE:
-            self.rest(plant_ns)
-            return
-        for channel, open_us, duration_us in pulses:
-            open_ns = unwrapped_ns(open_us, plant_ns)
-            self._schedule.order(channel, open_ns, open_ns + duration_us * 1000, plant_ns)
+        if mode is not None and arrival_ns and self._clock.arrived(tick, arrival_ns):
+            self.rest()
+        self._tick = max(tick + 1, self._clock.tick_after(sent_ns))
+        self._schedule.answer(self._tick * self._period_ns, mode, pulses)
 
     def act(self, now_ns: int) -> int:
         """Place the edges that are due; return when to look again on the monotonic clock [ns]."""
-        if self._heard_ns is None:
-            return now_ns + _NAP_NS
         plant_ns = self._clock.plant_ns(now_ns)
-        if now_ns - self._heard_ns > self._silence_ns:
-            self._heard_ns = None
-            self.rest(plant_ns)
-            return now_ns + _NAP_NS
         for edge in self._schedule.due(plant_ns):
-            self._lines.set(edge.channel, edge.high)
+            self._place(edge, plant_ns)
         return min(self._clock.monotonic_ns(self._schedule.next_ns()), now_ns + _NAP_NS)
 
-    def rest(self, plant_ns: int = 0) -> None:
+    def _place(self, edge: Edge, plant_ns: int) -> None:
+        """Change a line; an opening that comes too late is left out."""
+        if edge.channel not in self._lines.channels:
+            return
+        if edge.high and plant_ns - edge.t_ns > self._late_ns:
+            self.late += 1
+            return
+        self._lines.set(edge.channel, edge.high)
+
+    def rest(self) -> None:
         """Forget what was ordered and let all lines be low."""
-        self._schedule.clear(plant_ns)
+        self._schedule = EdgeSchedule(self._silence_ns)
         self._lines.all_low()
 
 
-def split(data: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
-    """Return (arrival, frames) of the whole records in the ring's bytes, and the rest."""
+def split(data: bytes) -> tuple[list[tuple[int, int, bytes]], bytes]:
+    """Return (arrival, sent, frames) of the whole records in the ring's bytes, and the rest."""
     records, at = [], 0
     while at + HEAD.size <= len(data):
-        arrival_ns, size = HEAD.unpack_from(data, at)
+        arrival_ns, sent_ns, size = HEAD.unpack_from(data, at)
         end = at + HEAD.size + size
         if end > len(data):
             break
-        records.append((arrival_ns, data[at + HEAD.size : end]))
+        records.append((arrival_ns, sent_ns, data[at + HEAD.size : end]))
         at = end
     return records, data[at:]
 
@@ -109,8 +119,8 @@ def drive(driver: EdgeDriver, ring: Consumer, spin_ns: int, goes_on: Callable[[]
     while goes_on():
         if data := ring.read(_READ_BYTES):
             records, rest = split(rest + data)
-            for arrival_ns, batch in records:
-                driver.take(arrival_ns, batch, now())
+            for arrival_ns, sent_ns, batch in records:
+                driver.take(arrival_ns, sent_ns, batch)
         due_ns = driver.act(now())
         asleep_ns = min(due_ns - spin_ns - now(), _NAP_NS)
         if asleep_ns > 0:
@@ -149,7 +159,8 @@ def serve(told: dict[str, object]) -> int:
     lines = GpiodLines(config)
     try:
         prepare(RealtimeConfig(priority=config.priority))
-        driver = EdgeDriver(lines, config, int(str(told["period_ns"])))
+        period_ns, stale_ticks = int(str(told["period_ns"])), int(str(told["stale_ticks"]))
+        driver = EdgeDriver(lines, config, period_ns, stale_ticks)
         print("ready", flush=True)
         drive(driver, ring, round(config.spin_s * 1e9), life.goes_on)
     finally:

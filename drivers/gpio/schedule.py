@@ -1,91 +1,82 @@
-"""Pulses by channel to edges in time order; pure, times in plant nanoseconds.
+"""Answers to edges in time order; pure, times in plant nanoseconds.
 
-A pulse is sent again every tick until it has closed: an identical one changes nothing, a newer one
-replaces what is not yet due, an open pulse's closing included.
+The lines follow hil/wire/pulses.py as the plant's model does: an answer acts at the start of the
+tick after it was sent, and when none has acted for as long as the plant waits, all lines are low.
 """
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hil.wire.messages import PULSE_CLOCK_US
-
-NEVER: Final = 1 << 62
-
-
-class Edge(NamedTuple):
-    """A line that changes."""
-
-    due_ns: int
-    channel: int
-    high: bool
+from hil.wire import pulses
+from hil.wire.messages import CHANNELS, Pulse
+from hil.wire.pulses import NEVER_NS, Edge, PulseOrder
 
 
-class _Pulse(NamedTuple):
-    open_ns: int
-    close_ns: int
-    is_open: bool = False
+class _Answer(NamedTuple):
+    """What acts from an instant on; without a mode, since its head was lost, nothing does."""
 
-
-def unwrapped_ns(open_us: int, now_ns: int) -> int:
-    """Return the instant nearest to now that the wire's 20 bits of microseconds mean [ns]."""
-    half = PULSE_CLOCK_US // 2
-    now_us = now_ns // 1000
-    return (now_us + (open_us - now_us + half) % PULSE_CLOCK_US - half) * 1000
+    acts_ns: int
+    mode: int | None
+    sent: list[Pulse]
 
 
 class EdgeSchedule:
-    """What each channel is to do next.
+    """What was answered, and the edges that follow from it.
 
-    late_ns: openings known only so long after their instant are left out [ns]
+    silence_ns: from the instant at which the last answer acted until all lines are low [ns]
     """
 
-    def __init__(self, channels: frozenset[int], late_ns: int) -> None:
-        self._pulses: dict[int, _Pulse] = {}
-        self._closed_ns = dict.fromkeys(channels, -NEVER)
-        self._late_ns = late_ns
-        self.late = 0
+    def __init__(self, silence_ns: int) -> None:
+        self._table = pulses.lines_for(len(CHANNELS))
+        self._answers: list[_Answer] = []
+        self._silence_ns = silence_ns
+        self._low_ns = NEVER_NS
 
-    def order(self, channel: int, open_ns: int, close_ns: int, now_ns: int) -> None:
-        """Take a pulse of the wire."""
-        if channel not in self._closed_ns:
-            return
-        pulse = self._pulses.get(channel)
-        if pulse is not None and pulse.is_open:
-            self._pulses[channel] = pulse._replace(close_ns=close_ns)
-        elif open_ns <= self._closed_ns[channel]:
-            return  # the pulse that is over, or one from before its end
-        elif now_ns - open_ns > self._late_ns:
-            self.late += 1
-            self._closed_ns[channel] = open_ns
-            self._pulses.pop(channel, None)
-        else:
-            self._pulses[channel] = _Pulse(open_ns, close_ns)
+    def answer(self, acts_ns: int, mode: int | None, sent: list[Pulse]) -> None:
+        """Take an answer, in the order of sending; of several for one tick the newer counts."""
+        if self._answers and self._answers[-1].acts_ns >= acts_ns:
+            acts_ns, older, pulses_before = self._answers.pop()
+            mode = older if mode is None else mode
+            sent = pulses.superseded(pulses_before, sent)
+        self._answers.append(_Answer(acts_ns, mode, sent))
 
     def due(self, now_ns: int) -> list[Edge]:
         """Return the edges that are due, in time order, and regard them as done."""
-        edges = []
-        for channel, pulse in list(self._pulses.items()):
-            if not pulse.is_open and pulse.open_ns <= now_ns:
-                edges.append(Edge(pulse.open_ns, channel, high=True))
-                pulse = self._pulses[channel] = pulse._replace(is_open=True)  # noqa: PLW2901
-            if pulse.is_open and pulse.close_ns <= now_ns:
-                edges.append(Edge(pulse.close_ns, channel, high=False))
-                del self._pulses[channel]
-                self._closed_ns[channel] = max(pulse.open_ns, pulse.close_ns)
-        edges.sort()
-        return edges
+        edges: list[Edge] = []
+        while self._answers and self._answers[0].acts_ns <= now_ns:
+            acts_ns, mode, sent = self._answers.pop(0)
+            if mode is None:
+                continue
+            if self._low_ns < acts_ns:
+                edges += self._follow(False, (), self._low_ns)
+            edges += self._follow(pulses.may_fire(mode), pulses.orders_of(sent), acts_ns)
+            self._low_ns = acts_ns + self._silence_ns
+        if self._low_ns <= now_ns:
+            edges += self._follow(False, (), self._low_ns)
+            self._low_ns = NEVER_NS
+        return edges + self._passed(now_ns)
+
+    def _follow(self, fires: bool, orders: tuple[PulseOrder, ...], at_ns: int) -> list[Edge]:
+        """Let the lines follow what is said of them at an instant."""
+        before = self._passed(at_ns)
+        self._table, _ = pulses.follow(self._table, fires, orders, at_ns)
+        return before + self._passed(at_ns)
+
+    def _passed(self, to_ns: int) -> list[Edge]:
+        self._table, edges = pulses.advance(self._table, to_ns)
+        return list(edges)
 
     def next_ns(self) -> int:
-        """Return when the next edge is due; NEVER when none is."""
-        return min((p.close_ns if p.is_open else p.open_ns for p in self._pulses.values()),
-                   default=NEVER)  # fmt: skip
-
-    def clear(self, now_ns: int) -> None:
-        """Forget everything that is not done; what is repeated of it stays forgotten."""
-        for channel, pulse in self._pulses.items():
-            self._closed_ns[channel] = max(pulse.open_ns, now_ns if pulse.is_open else 0)
-        self._pulses.clear()
+        """Return when the next edge is due, what acts by then included; NEVER_NS for none."""
+        table = self._table
+        for acts_ns, mode, sent in self._answers:
+            if table.next_edge_ns <= acts_ns:
+                break
+            if mode is not None:
+                fires, orders = pulses.may_fire(mode), pulses.orders_of(sent)
+                table, _ = pulses.follow(table, fires, orders, acts_ns)
+        return NEVER_NS if table.next_edge_ns == NEVER_NS else min(table.next_edge_ns, self._low_ns)
 
 
 class PlantClock:
@@ -98,18 +89,24 @@ class PlantClock:
         self._period_ns = period_ns
         self._phase_ns = phase_ns
         self._drift_ns = max(period_ns // 20_000, 1)  # 50 ppm
-        self._offset_ns = NEVER
+        self._offset_ns = NEVER_NS
 
-    def arrived(self, tick: int, arrival_ns: int) -> None:
-        """Take note of the arrival of a tick's sample on the monotonic clock [ns]."""
+    def arrived(self, tick: int, arrival_ns: int) -> bool:
+        """Take note of a sample's arrival on the monotonic clock [ns]; true when time is new."""
         offset_ns = arrival_ns - tick * self._period_ns
-        if abs(offset_ns - self._offset_ns) > _RESTART_NS:
-            self._offset_ns = offset_ns  # the plant was started anew
+        anew = abs(offset_ns - self._offset_ns) > _RESTART_NS
+        if anew:
+            self._offset_ns = offset_ns
         self._offset_ns = min(self._offset_ns + self._drift_ns, offset_ns)
+        return anew
 
     def plant_ns(self, monotonic_ns: int) -> int:
         """Return the plant's time at an instant of the monotonic clock [ns]."""
         return monotonic_ns - self._offset_ns + self._phase_ns
+
+    def tick_after(self, monotonic_ns: int) -> int:
+        """Return the first tick that begins at or after an instant of the monotonic clock."""
+        return -(-self.plant_ns(monotonic_ns) // self._period_ns)
 
     def monotonic_ns(self, plant_ns: int) -> int:
         """Return the instant of the monotonic clock at a time of the plant [ns]."""

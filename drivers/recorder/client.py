@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.recorder import ring, unit
+from hil import compiled
 from hil.errors import ConfigError, RunError
 from hil.log.records import Topic
 from hil.log.segments import segments_before
@@ -278,7 +279,7 @@ def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:
         json.dump(config, standard_input)
         standard_input.flush()
         standard_input.seek(0)
-        root = str(Path(__file__).resolve().parent.parent)
+        root = str(compiled.root())
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
         # Held back until the new process, which inherits the mask, can ignore them itself.
         held = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_SIGNALS)

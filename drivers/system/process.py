@@ -14,26 +14,24 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
-
 from drivers.recorder.client import NullRecorder, Recorder, Rotation
-from hil.config.load import describe, load
+from hil import compiled
 from hil.config.process import LogConfig
-from hil.config.scenario import Scenario
-from hil.errors import ConfigError, HilError, InterruptedRunError
+from hil.config.resolved import Resolved, read_resolved
+from hil.errors import HilError, InterruptedRunError
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD
 from hil.ports import Link, Noticing
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
-_DBC = Path(__file__).resolve().parent.parent / "hil" / "fpeg.dbc"
+_DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
 
 
 class Arguments(NamedTuple):
     """What a process is started with."""
 
-    scenario: Scenario
+    scenario: Resolved
     log: Path | None
 
 
@@ -43,30 +41,15 @@ def read_arguments(program: str, argv: list[str] | None = None) -> Arguments:
     Raises: ConfigError naming file and key
     """
     parser = argparse.ArgumentParser(prog=program)
-    parser.add_argument("--config", type=Path, required=True, help="scenario, TOML or JSON")
+    parser.add_argument("--config", type=Path, required=True, help="scenario.json of a run")
     parser.add_argument("--log", type=Path, help="MCAP file to write")
     given = parser.parse_args(argv)
-    return Arguments(read_scenario(given.config), given.log)
-
-
-def read_scenario(path: Path) -> Scenario:
-    """Read a scenario from TOML, or from the JSON that a run leaves behind.
-
-    Raises: ConfigError naming file, key and what is accepted
-    """
-    if path.suffix != ".json":
-        return load(path)
-    try:
-        return Scenario.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror or error}") from None
-    except ValidationError as error:
-        raise ConfigError(describe(error, str(path))) from None
+    return Arguments(read_resolved(given.config), given.log)
 
 
 def open_recorder(
     path: Path | None,
-    scenario: Scenario,
+    scenario: Resolved,
     process: str,
     more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> Recorder | NullRecorder:
@@ -103,7 +86,7 @@ def rotation_of(config: LogConfig) -> Rotation | None:
 
 
 def note_granted(
-    recorder: Recorder | NullRecorder, scenario: Scenario, granted: Mapping[str, str]
+    recorder: Recorder | NullRecorder, scenario: Resolved, granted: Mapping[str, str]
 ) -> None:
     """Log what the operating system granted; in lockstep it bears on nothing."""
     if scenario.loop.clock == "realtime":

@@ -7,13 +7,19 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import Section, ranged
-from hil.wire.commands import TARGET_POWER_W, TDC_REF_M, LawName
+from hil.config.prototypes import DEFAULT
+from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN, TdcRefM
+from hil.wire.commands import LAW, TARGET_POWER_W
 
-ControllerName = LawName
-TdcRefM = Annotated[float, ranged(TDC_REF_M)]
+LawName = Annotated[str, Field(pattern=LAW.pattern)]
+"""Of a piston-motion law; which there are is known where a controller is built."""
+
 TargetPowerW = Annotated[float, ranged(TARGET_POWER_W)]
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
+Load = Annotated[float, Field(ge=0.0, le=5000.0)]
+MidSpeed = Annotated[float, Field(gt=0.0, le=8.0)]
+StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class Gains(Section):
@@ -177,7 +183,7 @@ class StartConfig(Section):
     open_strokes: fired strokes on the steady fuel before the law takes over
     """
 
-    force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
+    force_n: StartForceN = DEFAULT.start_force_n
     constant_force: bool = False
     amplitude_ratio: float = Field(default=0.90, gt=0.1, le=1.1)
     ignition_ratio: float = Field(default=0.80, gt=0.1, le=1.1)
@@ -189,7 +195,7 @@ class SupervisoryConfig(Section):
     """Set points from a target power (level 2); without a target the fixed values hold."""
 
     target_power_w: TargetPowerW | None = None
-    load_coefficient_n_s_m: float | None = Field(default=None, ge=0.0, le=5000.0)
+    load_coefficient_n_s_m: Load | None = None
     load_slew_n_s_m_per_s: float = Field(default=2000.0, gt=0.0, le=1e6)
     throttle: float = Field(default=1.0, gt=0.0, le=1.0)
 
@@ -220,18 +226,18 @@ class TimingConfig(Section):
 class InjectorKnowledge(Section):
     """What the controller believes of the injectors."""
 
-    static_flow_kg_s: float = Field(default=1.0e-3, gt=0.0, le=0.1)
-    dead_time_s: float = Field(default=0.8e-3, ge=0.0, le=5e-3)
+    static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
+    dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
 
 
 class LimitsConfig(Section):
     """The last limit: beyond it the controller goes to its safe state."""
 
     tdc_m: Metres | None = None
-    fuel_min_kg: FuelKg = 0.2e-6
-    fuel_max_kg: FuelKg = 6.0e-6
-    force_n: float = Field(default=4000.0, gt=0.0, le=5000.0)
-    stale_ticks: int = Field(default=10, ge=2, le=1000)
+    fuel_min_kg: FuelKg = DEFAULT.fuel_min_kg
+    fuel_max_kg: FuelKg = DEFAULT.fuel_max_kg
+    force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=5000.0)
+    stale_ticks: StaleTicks = STALE_TICKS
     misfires: int = Field(default=3, ge=1, le=1000)
 
 
@@ -239,15 +245,15 @@ class Preset(Section):
     """The operating point about which the laws work; the bench computes it from the model."""
 
     fuel_kg: FuelKg | None = None
-    v_mid_m_s: float | None = Field(default=None, gt=0.0, le=8.0)
-    stroke_s: float | None = Field(default=None, gt=0.0, le=1.0)
+    v_mid_m_s: MidSpeed | None = None
+    stroke_s: StrokeTime | None = None
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
 
 
 class Tuning(Section):
     """Where the gains of a law come from; for people, nothing acts on it."""
 
-    law: ControllerName
+    law: LawName
     objective: str
     cells: tuple[str, ...] = ()
     method: str = ""
@@ -258,7 +264,7 @@ class Tuning(Section):
 class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
-    name: ControllerName = "cascade"
+    name: LawName = "cascade"
     tdc_ref_m: TdcRefM | None = None
     running: bool = Field(default=True, description="begins with the engine already running")
     cascade: CascadeConfig = CascadeConfig()

@@ -1,31 +1,59 @@
-"""Calibration of a detailed engine: one TOML file an engine, checked as a whole."""
+"""Calibration of a detailed engine: one TOML file a model, beside the engine's own figures."""
 
 from __future__ import annotations
 
-import tomllib
-from importlib.resources import files
-from typing import Annotated, Literal, Self
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from hil.config.base import Section
+from hil.config.base import Section, Tree, read_toml
+from hil.config.check import check
+from hil.config.prototypes import PROTOTYPES, model_files
+from hil.config.ranges import (
+    FlowKgS,
+    ForceN,
+    Gamma,
+    GasConstant,
+    HeatingValue,
+    LoadCoefficient,
+    MassKg,
+    PressurePa,
+    Restitution,
+    StartForceN,
+    TemperatureK,
+)
 from hil.errors import ConfigError
 
 Metres = Annotated[float, Field(gt=0.0, le=1.0)]
 Position = Annotated[float, Field(ge=-1.0, le=1.0)]
 SquareMetres = Annotated[float, Field(ge=0.0, le=1.0)]
-Pascal = Annotated[float, Field(ge=1.0e4, le=1.0e7)]
-Kelvin = Annotated[float, Field(ge=200.0, le=1000.0)]
 Newton = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
+
+_OF_THE_ENGINE: Final = {
+    "gas": {"gamma": "gamma", "gas_constant_j_kg_k": "gas_constant_j_kg_k"},
+    "mover": {"mass_kg": "moving_mass_kg", "restitution": "contact_restitution"},
+    "left": {"bore_m": "bore_m", "length_m": "half_stroke_m"},
+    "right": {"bore_m": "bore_m", "length_m": "half_stroke_m"},
+    "heat": {"heating_value_j_kg": "heating_value_j_kg", "injector_kg_s": "injector_kg_s"},
+    "machine": {
+        "load_coefficient_n_s_m": "load_coefficient_n_s_m",
+        "peak_force_n": "peak_force_n",
+        "start_force_n": "start_force_n",
+    },
+    "cycle": {"ignition_from_head_m": "ignition_from_head_m"},
+}
+"""What a calibration takes from the engine where it states nothing else, by table and key."""
 
 
 class Gas(Section):
     """Ideal gas with constant heat capacities, and the air around the engine."""
 
-    gamma: float = Field(gt=1.05, le=1.67)
-    gas_constant_j_kg_k: float = Field(gt=100.0, le=5000.0)
-    ambient_pa: Pascal
-    ambient_k: Kelvin
+    gamma: Gamma
+    gas_constant_j_kg_k: GasConstant
+    ambient_pa: PressurePa
+    ambient_k: TemperatureK
 
 
 class Spring(Section):
@@ -38,9 +66,9 @@ class Spring(Section):
 class Mover(Section):
     """The moving mass, and what meets it at the ends."""
 
-    mass_kg: float = Field(gt=0.01, le=1000.0)
+    mass_kg: MassKg
     contact_gap_m: Metres
-    restitution: float = Field(ge=0.0, le=0.95)
+    restitution: Restitution
     spring: Spring | None = None
 
 
@@ -55,13 +83,13 @@ class Side(Section):
 
     bore_m: Metres
     length_m: Metres
-    wall_k: Kelvin
+    wall_k: TemperatureK
     walls: float = Field(default=1.0, ge=0.0, le=1.0)
     leak_m2: SquareMetres
     pistons: int = Field(default=1, ge=1, le=2)
     rings: float = Field(default=1.0, ge=0.0, le=4.0)
-    fill_pa: Pascal
-    fill_k: Kelvin
+    fill_pa: PressurePa
+    fill_k: TemperatureK
 
 
 class Breathing(Section):
@@ -76,10 +104,10 @@ class Breathing(Section):
     exhaust_diameter_m: Metres
     lift_m: Metres
     discharge: float = Field(gt=0.0, le=1.0)
-    intake_pa: Pascal
-    intake_k: Kelvin
-    exhaust_pa: Pascal
-    exhaust_k: Kelvin
+    intake_pa: PressurePa
+    intake_k: TemperatureK
+    exhaust_pa: PressurePa
+    exhaust_k: TemperatureK
 
 
 class Pump(Section):
@@ -98,8 +126,8 @@ class Heat(Section):
     burn_s: float = Field(gt=1e-4, le=0.1)
     hohenberg: float = Field(ge=0.0, le=20.0)
     energy_j: float = Field(ge=0.0, le=1e5)
-    heating_value_j_kg: float = Field(ge=1e6, le=2e8)
-    injector_kg_s: float = Field(default=4.0e-3, gt=0.0, le=0.1)
+    heating_value_j_kg: HeatingValue
+    injector_kg_s: FlowKgS
 
 
 class Friction(Section):
@@ -112,7 +140,7 @@ class Friction(Section):
     k_v: float = Field(ge=0.0, le=1.0)
     oil_c: float = Field(ge=-50.0, le=400.0)
     oil_reference_c: float = Field(gt=0.0, le=400.0)
-    p_reference_pa: Pascal
+    p_reference_pa: PressurePa
     bore_reference_m: Metres
 
 
@@ -143,9 +171,9 @@ class Dq(Section):
 class Machine(Section):
     """Linear machine: load constant (3.56), a circuit, or a dq machine."""
 
-    load_coefficient_n_s_m: float = Field(ge=0.0, le=10_000.0)
-    peak_force_n: float = Field(ge=0.0, le=20_000.0)
-    start_force_n: float = Field(default=110.0, gt=0.0, le=4000.0)
+    load_coefficient_n_s_m: LoadCoefficient
+    peak_force_n: ForceN
+    start_force_n: StartForceN
     circuit: Circuit | None = None
     dq: Dq | None = None
 
@@ -169,7 +197,7 @@ class Cycle(Section):
     kind: Literal["two-stroke", "four-stroke", "motoring", "speed"]
     fires: Literal["both", "left"] = "both"
     ignition_from_head_m: Metres
-    ignition_least_pa: Pascal = 4.0e5
+    ignition_least_pa: PressurePa
     exhaust_opens_m: Metres | None = None
     exhaust_closes_m: Metres | None = None
     intake_opens_m: Metres | None = None
@@ -181,21 +209,28 @@ class Cycle(Section):
     motor_4_n: Newton = 0.0
     switch_1_m: Position = 0.0
     switch_4_m: Position = 0.0
-    speed_m_s: float = Field(default=0.2, gt=0.0, le=10.0)
-    turn_at_m: Metres = 0.018
-    acceleration_m_s2: float = Field(default=1000.0, gt=0.0, le=1e5)
-    servo_s: float = Field(default=5.0e-4, gt=1e-5, le=0.1)
+    speed_m_s: float = Field(default=1.0, gt=0.0, le=10.0)
+    turn_at_m: Metres = 1.0
+    acceleration_m_s2: float = Field(default=1.0, gt=0.0, le=1e5)
+    servo_s: float = Field(default=0.1, gt=1e-5, le=0.1)
+
+    @model_validator(mode="after")
+    def _speed_is_told(self) -> Self:
+        needed = {"speed_m_s", "turn_at_m", "acceleration_m_s2", "servo_s"}
+        if self.kind == "speed" and (absent := needed - self.model_fields_set):
+            raise ValueError(f"kind = 'speed' needs {', '.join(sorted(absent))}")
+        return self
 
 
 class Running(Section):
     """Where the settled motion begins to be sought, and the solver's step."""
 
     start_x_m: Position
-    start_left_pa: Pascal
+    start_left_pa: PressurePa
     start_left_k: float = Field(ge=200.0, le=4000.0)
-    start_right_pa: Pascal
+    start_right_pa: PressurePa
     start_right_k: float = Field(ge=200.0, le=4000.0)
-    start_spark_s: float = Field(default=2.0e-3, ge=0.0, le=0.02)
+    start_spark_s: float = Field(ge=0.0, le=0.02)
     step_s: float = Field(ge=1e-7, le=1e-3)
     small_pressure_ratio: float = Field(ge=1e-6, le=0.05)
 
@@ -218,23 +253,44 @@ class Calibration(Section):
     running: Running
 
 
+def read_file(path: Path, prototype: str) -> Calibration:
+    """Read the calibration of one model of an engine.
+
+    Raises: ConfigError naming file, key and what is accepted
+    """
+    tree: Tree = read_toml(path)
+    engine = PROTOTYPES[prototype]
+    for table, keys in _OF_THE_ENGINE.items():
+        given = tree.get(table)
+        if isinstance(given, dict):
+            tree[table] = {key: getattr(engine, figure) for key, figure in keys.items()} | given
+    return check(Calibration, tree, str(path))
+
+
+@lru_cache(maxsize=1)
+def calibrations() -> dict[tuple[str, str], Calibration]:
+    """Return all calibrations by model and prototype.
+
+    Raises: ConfigError when one of them cannot be used
+    """
+    return {
+        (model, prototype): read_file(path, prototype)
+        for prototype in PROTOTYPES
+        for model, path in model_files(prototype).items()
+    }
+
+
 def names() -> tuple[str, ...]:
-    """The engines that come with the project."""
-    entries = (files("hil") / "engines").iterdir()
-    return tuple(sorted(e.name.removesuffix(".toml") for e in entries if e.name.endswith(".toml")))
+    """The calibrations that come with the project."""
+    return tuple(sorted(c.name for c in calibrations().values()))
 
 
 def read(name: str) -> Calibration:
-    """Read the calibration of an engine.
+    """Return the calibration of a name.
 
-    Raises: ConfigError when there is none of that name, or it cannot be used
+    Raises: ConfigError when there is none
     """
-    if name not in names():
-        raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")
-    text = (files("hil") / "engines" / f"{name}.toml").read_text(encoding="utf-8")
-    try:
-        return Calibration.model_validate(tomllib.loads(text))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{name}.toml: {key}: {first['msg']}") from None
+    for calibration in calibrations().values():
+        if calibration.name == name:
+            return calibration
+    raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")

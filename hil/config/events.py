@@ -9,7 +9,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from hil.wire import commands
 from hil.wire.commands import Declaration
-from hil.wire.quantities import Field, Number
+from hil.wire.quantities import Field, Name, Number
 
 Schema = dict[str, Any]
 
@@ -56,6 +56,8 @@ def _schema_of_field(field: Field) -> Schema:
     if isinstance(field, Number):
         kind = "integer" if field.whole else "number"
         return shared | {"type": kind, "minimum": field.low, "maximum": field.high}
+    if isinstance(field, Name):
+        return shared | {"type": "string", "pattern": field.pattern}
     return shared | {"enum": list(field.names)}
 
 

@@ -5,30 +5,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
-
+from hil.config.base import Tree, read_toml
+from hil.config.check import check, check_json, shown
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.wire.quantities import FieldError
 
-Tree = dict[str, Any]
-
-_LONGEST_SHOWN = 80
-
-
-def read_toml(path: Path) -> Tree:
-    """Read a TOML file.
-
-    Raises: ConfigError when it is missing, unreadable or no TOML
-    """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from None
+_S = TypeVar("_S", bound=Scenario)
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -57,7 +41,7 @@ def with_override(tree: Mapping[str, Any], key: str, value: Any) -> Tree:  # noq
         below = node.get(part, {})
         if not isinstance(below, Mapping):
             reached = ".".join(path[: depth + 1])
-            raise ConfigError(f"--set {key}: {reached} is a value ({_shown(below)}), not a table")
+            raise ConfigError(f"--set {key}: {reached} is a value ({shown(below)}), not a table")
         node[part] = node = dict(below)
     node[last] = value
     return changed
@@ -68,10 +52,7 @@ def build(tree: Mapping[str, Any], origin: str) -> Scenario:
 
     Raises: ConfigError naming origin, key, the value given and what is accepted
     """
-    try:
-        return Scenario.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(describe(error, origin)) from None
+    return check(Scenario, tree, origin)
 
 
 def load(path: Path, overrides: Iterable[tuple[str, Any]] = ()) -> Scenario:
@@ -83,6 +64,24 @@ def load(path: Path, overrides: Iterable[tuple[str, Any]] = ()) -> Scenario:
         tree = with_override(tree, key, value)
         origin = f"{path} with --set"
     return build(tree, origin)
+
+
+def read_scenario(path: Path) -> Scenario:
+    """Read a scenario from TOML, or from the JSON that a run leaves behind.
+
+    Raises: ConfigError naming file, key and what is accepted
+    """
+    return read_as(Scenario, path)
+
+
+def read_as(section: type[_S], path: Path) -> _S:
+    """Read a file of TOML or JSON as that kind of scenario."""
+    if path.suffix != ".json":
+        return check(section, read_toml(path), str(path))
+    try:
+        return check_json(section, path.read_bytes(), str(path))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from None
 
 
 def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:
@@ -98,69 +97,3 @@ def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:
     if name not in names:
         known = ", ".join(names) or "none"
         raise ConfigError(f"--set {key}: this scenario has no {table}.{name}; it has: {known}")
-
-
-def describe(error: ValidationError, origin: str) -> str:
-    """One line of a validation error: file, key, what was given, what is accepted."""
-    first = error.errors(include_url=False)[0]
-    parts = [str(part) for part in first["loc"]]
-    key = ".".join(parts)
-    more = error.error_count() - 1
-    tail = f" (and {more} more)" if more else ""
-    if first["type"] == "extra_forbidden":
-        return f"{origin}: {key}: unknown key; accepted here: {_siblings(parts)}{tail}"
-    given = first["input"]
-    shown = f" (given: {_shown(given)})" if not isinstance(given, dict) else ""
-    message = first["msg"].removeprefix("Value error, ")
-    if isinstance(first.get("ctx", {}).get("error"), FieldError):
-        return f"{origin}: {key}.{message}{tail}"
-    accepted = _accepted_range(parts)
-    return f"{origin}: {key or 'scenario'}: {message}{shown}{accepted}{tail}"
-
-
-def _shown(value: object) -> str:
-    """A value on part of a line."""
-    text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
-
-
-def _section(parts: list[str]) -> dict[str, Any]:
-    """JSON schema of the section that holds the last of these keys."""
-    schema = Scenario.model_json_schema()
-    definitions = schema.get("$defs", {})
-    node: dict[str, Any] = schema
-    for part in parts[:-1]:
-        below = node.get("properties", {}).get(part)
-        if below is None:
-            below = node.get("additionalProperties")
-        node = _resolve(below if isinstance(below, dict) else {}, definitions)
-    return node
-
-
-def _resolve(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
-    """Follow references and optional sections down to a table."""
-    for key in ("anyOf", "allOf"):
-        if key in node:
-            tables = [n for n in node[key] if "$ref" in n]
-            node = tables[0] if tables else node
-    if "$ref" in node:
-        return dict(definitions[node["$ref"].rsplit("/", 1)[-1]])
-    return node
-
-
-def _siblings(parts: list[str]) -> str:
-    """Names of the keys that the section accepts."""
-    return ", ".join(_section(parts).get("properties", {})) or "nothing"
-
-
-def _accepted_range(parts: list[str]) -> str:
-    """The range of a number from its schema, where it has one."""
-    if not parts:
-        return ""
-    node = _section(parts).get("properties", {}).get(parts[-1], {})
-    options = [node, *node.get("anyOf", [])]
-    low = next((n[k] for n in options for k in ("minimum", "exclusiveMinimum") if k in n), None)
-    high = next((n[k] for n in options for k in ("maximum", "exclusiveMaximum") if k in n), None)
-    if low is None and high is None:
-        return ""
-    return f"; accepted: {'' if low is None else low} to {'' if high is None else high}"

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from hil.config.prototypes import (
-    PROTOTYPES,
-    SINGLE_CHAMBER,
-    ForceN,
-    FuelKg,
-    Gamma,
-    GasConstant,
-    HeatingValue,
-    LengthM,
+from hil.config.base import OneOf, Section
+from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype
+from hil.config.ranges import (
+    STALE_TICKS,
+    DeadTimeS,
+    FlowKgS,
     LoadCoefficient,
-    MassKg,
-    PositionM,
-    PressurePa,
-    Prototype,
-    Ratio,
-    TdcRefM,
-    TemperatureK,
+    Restitution,
+    StaleTicks,
 )
 
+PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 OwnModel = Literal[
     "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
     "motoring",
@@ -38,34 +31,25 @@ _FMU = "fmu:"
 FlowScale = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
-class _Strict(BaseModel):
-    """Frozen, and an unknown key is an error."""
+if TYPE_CHECKING:
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    class EngineOverrides(Section):
+        """Any of the figures, or none."""
 
-
-class EngineOverrides(_Strict):
-    """Single figures of the prototype replaced; what is not given stays the prototype's."""
-
-    moving_mass_kg: MassKg | None = None
-    bore_m: LengthM | None = None
-    half_stroke_m: LengthM | None = None
-    compression_ratio: Ratio | None = None
-    gamma: Gamma | None = None
-    p0_pa: PressurePa | None = None
-    t0_k: TemperatureK | None = None
-    gas_constant_j_kg_k: GasConstant | None = None
-    heating_value_j_kg: HeatingValue | None = None
-    air_fuel_ratio: Ratio | None = None
-    peak_force_n: ForceN | None = None
-    ignition_from_head_m: PositionM | None = None
-    tdc_ref_m: TdcRefM | None = None
-    position_limit_m: PositionM | None = None
-    fuel_min_kg: FuelKg | None = None
-    fuel_max_kg: FuelKg | None = None
+else:
+    EngineOverrides = create_model(
+        "EngineOverrides",
+        __base__=Section,
+        __doc__="Single figures of the prototype replaced; what is not given stays its own.",
+        **{
+            name: (hint | None, None)
+            for name, hint in get_type_hints(Figures, include_extras=True).items()
+            if name in Figures.model_fields
+        },
+    )
 
 
-class SensorConfig(_Strict):
+class SensorConfig(Section):
     """What the position and velocity sensors add to the truth; zero means nothing."""
 
     noise_x_m: Annotated[float, Field(ge=0.0, le=1.0e-3)] = 0.0
@@ -74,16 +58,16 @@ class SensorConfig(_Strict):
     resolution_v_m_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
-class InjectorConfig(_Strict):
+class InjectorConfig(Section):
     """Injector characteristic: nothing for the dead time, then the static flow until it closes."""
 
-    static_flow_kg_s: Annotated[float, Field(gt=0.0, le=0.1)] = 1.0e-3
-    dead_time_s: Annotated[float, Field(ge=0.0, le=0.01)] = 0.8e-3
+    static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
+    dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
     flow_scale_left: FlowScale = 1.0
     flow_scale_right: FlowScale = 1.0
 
 
-class FmuConfig(_Strict):
+class FmuConfig(Section):
     """A Functional Mock-up Unit as the engine: `model = "fmu"`, or `model = "fmu:FILE"`.
 
     like: the model of ours whose fuel, set point, load and spark a run with the unit begins with
@@ -97,10 +81,10 @@ class FmuConfig(_Strict):
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
-class PlantConfig(_Strict):
+class PlantConfig(Section):
     """Which engine, which model of it, and its actuators and sensors."""
 
-    prototype: Literal["nu", "bit", "gas-spring", "opposed", "mechanical-spring"] = "nu"
+    prototype: PrototypeName = DEFAULT.name
     model: Model = "harmonic"
     load_coefficient_n_s_m: LoadCoefficient | None = None
     fmu: FmuConfig = FmuConfig()
@@ -108,8 +92,8 @@ class PlantConfig(_Strict):
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05)] = 3.0e-3
-    contact_restitution: Annotated[float, Field(ge=0.0, le=0.95)] = 0.5
-    stale_ticks: Annotated[int, Field(ge=1, le=10_000)] = 10
+    contact_restitution: Restitution = DEFAULT.contact_restitution
+    stale_ticks: StaleTicks = STALE_TICKS
     command_delay_ticks: Annotated[
         int, Field(ge=0, le=20, description="ticks by which commands act later than the wire's one")
     ] = 0
@@ -133,7 +117,7 @@ class PlantConfig(_Strict):
 
     @model_validator(mode="after")
     def _model_knows_the_engine(self) -> Self:
-        if self.prototype in SINGLE_CHAMBER and self.model not in DETAILED_MODELS:
+        if PROTOTYPES[self.prototype].chambers < 2 and self.model not in DETAILED_MODELS:
             raise ValueError(
                 f"prototype {self.prototype} has one chamber; models that accept it: two-stroke, "
                 "four-stroke"

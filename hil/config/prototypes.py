@@ -1,35 +1,47 @@
-"""The engines by their published figures, and the constants that follow from them."""
+"""The engines by their published figures, and the constants that follow from them.
+
+hil/engines/<name>/engine.toml is the only source of the figures.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from hil.wire.commands import TDC_REF_M
+from hil import compiled
+from hil.config.base import Section, read_toml
+from hil.config.check import check
+from hil.config.ranges import (
+    DeadTimeS,
+    FlowKgS,
+    ForceN,
+    FuelKg,
+    Gamma,
+    GasConstant,
+    HeatingValue,
+    LengthM,
+    LoadCoefficient,
+    MassKg,
+    PositionM,
+    PressurePa,
+    Ratio,
+    Restitution,
+    StartForceN,
+    TdcRefM,
+    TemperatureK,
+)
 
-MassKg = Annotated[float, Field(gt=0.01, le=1000.0)]
-LengthM = Annotated[float, Field(gt=0.001, le=1.0)]
-Ratio = Annotated[float, Field(gt=1.0, le=40.0)]
-Gamma = Annotated[float, Field(gt=1.01, le=1.67)]
-PressurePa = Annotated[float, Field(ge=1.0e4, le=1.0e7)]
-TemperatureK = Annotated[float, Field(ge=200.0, le=1000.0)]
-GasConstant = Annotated[float, Field(ge=100.0, le=5000.0)]
-HeatingValue = Annotated[float, Field(ge=1.0e6, le=2.0e8)]
-LoadCoefficient = Annotated[float, Field(ge=0.0, le=10_000.0)]
-ForceN = Annotated[float, Field(ge=0.0, le=20_000.0)]
-FuelKg = Annotated[float, Field(gt=0.0, le=1.0e-3)]
-PositionM = Annotated[float, Field(ge=0.0, le=1.0)]
-TdcRefM = Annotated[float, Field(ge=TDC_REF_M.low, le=TDC_REF_M.high)]
+ENGINES = compiled.root() / "hil" / "engines"
+"""A directory an engine: its own figures, and a file for each model of its gas in full."""
+
+_FIGURES = "engine.toml"
 
 
-class Prototype(BaseModel):
-    """One engine: geometry, charge, machine and the limits of its use (thesis Tables 3.2, 5.2)."""
+class Figures(Section):
+    """What a run may replace one by one: geometry, charge, machine and limits of use."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    name: str
     moving_mass_kg: MassKg
     bore_m: LengthM
     half_stroke_m: LengthM
@@ -40,13 +52,29 @@ class Prototype(BaseModel):
     gas_constant_j_kg_k: GasConstant
     heating_value_j_kg: HeatingValue
     air_fuel_ratio: Ratio
-    load_coefficient_n_s_m: LoadCoefficient
     peak_force_n: ForceN
     ignition_from_head_m: PositionM
     tdc_ref_m: TdcRefM
     position_limit_m: PositionM
     fuel_min_kg: FuelKg
     fuel_max_kg: FuelKg
+
+
+class Prototype(Figures):
+    """One engine (thesis Tables 3.2, 5.2).
+
+    chambers: how many fire; the fast models, of two, do not describe an engine with one
+    open_loop_fuel_kg: fuel of open-loop operation; None: what wide open throttle lets in
+    """
+
+    name: str
+    chambers: int = Field(ge=1, le=2)
+    load_coefficient_n_s_m: LoadCoefficient
+    start_force_n: StartForceN
+    contact_restitution: Restitution
+    open_loop_fuel_kg: FuelKg | None = None
+    injector_kg_s: FlowKgS
+    injector_dead_s: DeadTimeS
 
     @property
     def area_m2(self) -> float:
@@ -75,86 +103,41 @@ class Prototype(BaseModel):
         air_kg = self.p0_pa * self.area_m2 * self.half_stroke_m
         return air_kg / (self.gas_constant_j_kg_k * self.t0_k * self.air_fuel_ratio)
 
+    @property
+    def fixed_fuel_kg(self) -> float:
+        """Fuel of open-loop operation; at wide open throttle as far as an injector can feed it.
+
+        The models of one engine share the figure, so that their motions can be compared; on that of
+        the Newcastle engine the non-linear model strikes the head.
+        """
+        if self.open_loop_fuel_kg is None:
+            return min(self.full_throttle_fuel_kg, self.fuel_max_kg)
+        return self.open_loop_fuel_kg
+
     def stiffness_n_m(self, fuel_kg: float) -> float:
         """Stiffness k = 2 gamma p0 A / Ls + gamma E / Ls^2     (thesis eq. 5.56)."""
         energy_j = self.energy_j_kg * fuel_kg
         return self.rest_stiffness_n_m + self.gamma * energy_j / self.half_stroke_m**2
 
 
-NU = Prototype(
-    name="nu",
-    moving_mass_kg=7.0,
-    bore_m=0.050,
-    half_stroke_m=0.020,
-    compression_ratio=5.0,
-    gamma=1.35,
-    p0_pa=1.0e5,
-    t0_k=298.15,
-    gas_constant_j_kg_k=287.0,
-    heating_value_j_kg=44.0e6,
-    air_fuel_ratio=14.7,
-    load_coefficient_n_s_m=810.0,
-    peak_force_n=4000.0,
-    ignition_from_head_m=0.005,
-    tdc_ref_m=0.0155,
-    position_limit_m=0.0195,
-    fuel_min_kg=0.2e-6,
-    fuel_max_kg=6.0e-6,
-)
+def read(directory: Path) -> Prototype:
+    """Read the figures of an engine.
 
-BIT = Prototype(
-    name="bit",
-    moving_mass_kg=5.0,
-    bore_m=0.0525,
-    half_stroke_m=0.035,
-    compression_ratio=10.0,
-    gamma=1.40,
-    p0_pa=1.0e5,
-    t0_k=298.15,
-    gas_constant_j_kg_k=287.0,
-    heating_value_j_kg=44.0e6,
-    air_fuel_ratio=14.7,
-    load_coefficient_n_s_m=395.0,
-    peak_force_n=1000.0,
-    ignition_from_head_m=0.007,
-    tdc_ref_m=0.030,
-    position_limit_m=0.0345,
-    fuel_min_kg=0.2e-6,
-    fuel_max_kg=6.0e-6,
-)
+    Raises: ConfigError naming file, key and what is accepted
+    """
+    path = directory / _FIGURES
+    return check(Prototype, read_toml(path) | {"name": directory.name}, str(path))
 
-GAS_SPRING = NU.model_copy(
-    update={
-        "name": "gas-spring", "moving_mass_kg": 25.0, "bore_m": 0.0825, "half_stroke_m": 0.050,
-        "gamma": 1.32, "p0_pa": 1.3e5, "load_coefficient_n_s_m": 900.0, "peak_force_n": 5000.0,
-        "ignition_from_head_m": 0.010, "tdc_ref_m": 0.0435, "position_limit_m": 0.0495,
-        "fuel_max_kg": 40.0e-6,
-    }
-)  # fmt: skip
-"""Single piston with a gas spring (thesis Table 2.9; hil/engines/gas-spring.toml)."""
 
-OPPOSED = NU.model_copy(
-    update={
-        "name": "opposed", "moving_mass_kg": 5.4, "bore_m": 0.070, "half_stroke_m": 0.0325,
-        "gamma": 1.32, "p0_pa": 1.5e5, "load_coefficient_n_s_m": 325.0, "peak_force_n": 5000.0,
-        "ignition_from_head_m": 0.006, "tdc_ref_m": 0.0274, "position_limit_m": 0.032,
-        "fuel_max_kg": 40.0e-6,
-    }
-)  # fmt: skip
-"""Opposed pistons that move as one (thesis Table 2.6; hil/engines/opposed.toml)."""
+def model_files(prototype: str) -> dict[str, Path]:
+    """Return by model the files of its models of the gas in full."""
+    found = sorted((ENGINES / prototype).glob("*.toml"))
+    return {path.stem: path for path in found if path.name != _FIGURES}
 
-MECHANICAL_SPRING = NU.model_copy(
-    update={
-        "name": "mechanical-spring", "moving_mass_kg": 10.0, "bore_m": 0.068,
-        "half_stroke_m": 0.0425, "gamma": 1.28, "load_coefficient_n_s_m": 750.0,
-        "ignition_from_head_m": 0.006, "tdc_ref_m": 0.0375, "position_limit_m": 0.042,
-        "fuel_max_kg": 40.0e-6,
-    }
-)  # fmt: skip
-"""Four-stroke with a mechanical spring (thesis section 2.3.4; its own calibration)."""
 
 PROTOTYPES: dict[str, Prototype] = {
-    e.name: e for e in (NU, BIT, GAS_SPRING, OPPOSED, MECHANICAL_SPRING)
+    path.parent.name: read(path.parent) for path in sorted(ENGINES.glob(f"*/{_FIGURES}"))
 }
-SINGLE_CHAMBER = ("gas-spring", "opposed", "mechanical-spring")
-"""Engines with one chamber that fires: the fast models, of two, do not describe them."""
+NU, BIT = PROTOTYPES["nu"], PROTOTYPES["bit"]
+DEFAULT = NU
+"""The engine that is meant where none is named."""

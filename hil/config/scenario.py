@@ -17,28 +17,39 @@ from hil.wire.busload import check_fit
 
 
 class Expectation(Section):
-    """One thing that must hold; `after_s` counts from the event named by `event`, or from 0.
+    """One thing that must hold.
 
-    within_mm: the first TDC after the last one farther off its set point comes by then
-    peak_mm: no TDC error at all exceeds this, from then on
-    mode: operating mode at the end
-    at_rest: the piston's last speed is below 1 cm/s
-    contacts: how many head contacts are allowed
-    misfires_min: at least so many misfires must have been reported by the plant
+    event: name of an event; if that did not happen, or was refused, the expectation is not met
+    after_s: counts from the instant of that event, without one from the start
+    within_mm: the first dead centre after the last one outside this band about its set point comes
+        no later than after_s
+    peak_mm: from after_s on no dead centre is further than this from its set point
+    mode: the controller ends in it; running is generating, of an engine in which nothing ever fires
+        motoring
+    at_rest: whether the last speed is below 1 cm/s
+    contacts: there were at most so many contacts with a head
+    misfires_min: the plant reported at least so many misfires
     """
 
     event: str | None = None
     after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
     within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
     peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: Literal["off", "motoring", "generating", "stopping", "safe"] | None = None
+    mode: Literal["off", "motoring", "generating", "stopping", "safe", "running"] | None = None
     at_rest: bool | None = None
     contacts: int | None = Field(default=None, ge=0)
     misfires_min: int | None = Field(default=None, ge=0)
 
 
 class Scenario(Section):
-    """The whole configuration of a run: this, resolved, is what each log carries."""
+    """The whole configuration of a run: this, resolved, is what each log carries.
+
+    name: of the run and its directory
+    description: for people
+    begins: in the settled motion of the model, or at rest
+    events: below
+    expect: below
+    """
 
     name: str = Field(default="unnamed", pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
     description: str = ""
@@ -54,6 +65,11 @@ class Scenario(Section):
     outputs: OutputsConfig = OutputsConfig()
     events: dict[str, Event] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks the run has."""
+        return round(self.run.duration_s * self.loop.rate_hz)
 
     @model_validator(mode="after")
     def _bus_carries_the_rate(self) -> Scenario:

@@ -1,1 +1,1 @@
-"""What crosses a link, declared once: messages, codec, protection, pulses, commands, status."""
+"""What crosses a link between plant and controller, and what it means."""

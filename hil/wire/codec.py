@@ -1,4 +1,4 @@
-"""SI values to frames and back: the only place where a scale is applied.
+"""SI values to frames and back, protected end to end.
 
 The frames of one tick are one `bytes` object, a batch: ten bytes a frame, the CAN identifier
 (u16) and the eight data bytes as one little-endian word. Every link and the log carry it as is.
@@ -6,15 +6,15 @@ The frames of one tick are one `bytes` object, a batch: ten bytes a frame, the C
 
 from __future__ import annotations
 
-import math
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
 from hil.errors import CodecError
 from hil.wire import messages as _messages
-from hil.wire.e2e import CRC_SOURCE, CRC_TABLES, MAX_DELTA, ReceptionCounts, counter_marks
-from hil.wire.fields import LAYOUTS, Layout, Placed, layout_of
+from hil.wire.e2e import MAX_DELTA, ReceptionCounts, counter_marks
+from hil.wire.fields import LAYOUTS, Layout
+from hil.wire.packing import DAMAGED, compile_layout, no_number
 
 FRAME: Final = struct.Struct("<HQ")
 """One frame of a batch: CAN identifier and data word."""
@@ -22,8 +22,6 @@ FRAME: Final = struct.Struct("<HQ")
 pack_frame: Final = FRAME.pack
 iter_frames: Final = FRAME.iter_unpack
 
-_NAN: Final = float("nan")
-_DAMAGED: Final = object()
 _BATCHES: Final = tuple(struct.Struct("<" + "HQ" * frames) for frames in range(17))
 
 
@@ -40,106 +38,6 @@ def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
         ) from None
 
 
-def _pack_source(layout: Layout) -> list[str]:
-    """Source of `pack(msg) -> bare`: range-checked raw values, each at its place, and their CRC."""
-    names = ", ".join(placed.name for placed in layout.fields)
-    selector = next((p.name for p in layout.fields if p.signal.selects), "")
-    source = ["def pack(msg):", f"    {names}, = msg"]
-    for placed in layout.fields:
-        signal, indent, raw = placed.signal, "    ", f"raw_{placed.name}"
-        if signal.only_when is not None:
-            source += [f"    {raw} = 0", f"    if {selector} == {signal.only_when}:"]
-            indent = "        "
-        value = f"round({placed.name} / {signal.scale!r})" if placed.is_float else placed.name
-        low, high = signal.raw_range
-        source += [
-            f"{indent}{raw} = {value}",
-            f"{indent}if not {low} <= {raw} <= {high}: fail({placed.name!r}, {placed.name})",
-        ]
-    source.append(f"    word = {' | '.join(_placed_source(placed) for placed in layout.fields)}")
-    return [*source, f"    return word | {CRC_SOURCE}"]
-
-
-def _placed_source(placed: Placed) -> str:
-    """Source of a raw value within its range at its place; only a negative one needs a mask."""
-    raw = f"raw_{placed.name}"
-    if placed.signal.signed:
-        raw = f"({raw} & {(1 << placed.signal.bits) - 1})"
-    return f"{raw} << {placed.start_bit}"
-
-
-def _unpack_source(layout: Layout) -> list[str]:
-    """Source of `unpack(bare)`: the message, None for a value out of range, or DAMAGED."""
-    selector = next((p.name for p in layout.fields if p.signal.selects), "")
-    source = ["def unpack(word):", f"    if {CRC_SOURCE} != word & 0xFFF: return DAMAGED"]
-    for placed in layout.fields:
-        indent = "    "
-        if placed.signal.only_when is not None:
-            source += [
-                f"    {placed.name} = NAN",
-                f"    if {selector} == {placed.signal.only_when}:",
-            ]
-            indent = "        "
-        source += [indent + line for line in _unpack_field(placed)]
-    names = ", ".join(placed.name for placed in layout.fields)
-    return [*source, f"    return new(cls, ({names},))"]
-
-
-def _unpack_field(placed: Placed) -> list[str]:
-    """Source lines that put one field's value into a variable of its name."""
-    signal = placed.signal
-    raw = f"word >> {placed.start_bit} & {(1 << signal.bits) - 1}"
-    low, high = signal.raw_range
-    width_low, width_high = 0, (1 << signal.bits) - 1
-    if signal.signed:
-        half = 1 << signal.bits - 1
-        raw = f"({raw} ^ {half}) - {half}"
-        width_low, width_high = -half, half - 1
-    scale = f" * {signal.scale!r}" if placed.is_float else ""
-    if (low, high) == (width_low, width_high):
-        return [f"{placed.name} = {f'({raw}){scale}' if scale else raw}"]
-    return [
-        f"raw = {raw}",
-        f"if not {low} <= raw <= {high}: return None",
-        f"{placed.name} = raw{scale}",
-    ]
-
-
-def _refusal(layout: Layout, placed: Placed, value: float) -> str:
-    """What is wrong with a value: message, signal, value and range."""
-    low, high = (raw * placed.signal.scale for raw in placed.signal.raw_range)
-    accepted = f"accepted {low:.10g} to {high:.10g} {placed.signal.unit}".rstrip()
-    return f"{layout.name}.{placed.name} = {value!r}: {accepted}"
-
-
-def _no_number(message: _messages.Message) -> str:
-    """Name the signal that would be on the wire and is nan or infinite."""
-    layout = layout_of(type(message))
-    pairs = [(placed, float(v)) for placed, v in zip(layout.fields, message, strict=True)]
-    selected = next((value for placed, value in pairs if placed.signal.selects), None)
-    return next(
-        _refusal(layout, placed, value)
-        for placed, value in pairs
-        if not math.isfinite(value) and placed.signal.only_when in {None, selected}
-    )
-
-
-def _compile(layout: Layout) -> tuple[Callable[[Any], int], Callable[[int], Any]]:
-    """Turn a layout into two functions; a loop over signals would cost three times as much."""
-
-    def fail(name: str, value: float) -> None:
-        placed = next(p for p in layout.fields if p.name == name)
-        raise CodecError(_refusal(layout, placed, value))
-
-    scope: dict[str, Any] = {
-        "fail": fail, "new": tuple.__new__, "cls": layout.make, "NAN": _NAN, "DAMAGED": _DAMAGED,
-        **CRC_TABLES,
-    }  # fmt: skip
-    source = "\n".join(_pack_source(layout) + _unpack_source(layout))
-    exec(compile(source, f"<codec of {layout.name}>", "exec"), scope)
-    return scope["pack"], scope["unpack"]
-
-
 class _Codec:
     """What belongs to one message, shared by all encoders and decoders."""
 
@@ -149,7 +47,7 @@ class _Codec:
         self.layout = layout
         self.can_id = layout.can_id
         self.marks = counter_marks(layout.data_ids)
-        self.pack, self.unpack = _compile(layout)
+        self.pack, self.unpack = compile_layout(layout)
 
 
 _CODECS: Final = {can_id: _Codec(layout) for can_id, layout in LAYOUTS.items()}
@@ -193,7 +91,7 @@ class Encoder:
                 try:
                     stream.bare = stream.pack(message)
                 except (ValueError, OverflowError):
-                    raise CodecError(_no_number(message)) from None
+                    raise CodecError(no_number(message)) from None
                 stream.message = message
             frames += (stream.can_id, stream.bare ^ stream.marks[counter])
         return _BATCHES[len(frames) >> 1].pack(*frames)
@@ -258,7 +156,7 @@ class Decoder:
                 stream.counter = counter
             else:
                 message = stream.unpack(bare)
-                if message is not _DAMAGED:
+                if message is not DAMAGED:
                     stream.counter, stream.bare, stream.message = counter, bare, message
                 elif not self._comes_out_of_turn(stream, word):
                     continue
@@ -274,7 +172,7 @@ class Decoder:
         counter = word >> 8 & 0xF
         bare = word ^ stream.marks[counter]
         message = stream.unpack(bare)
-        if message is _DAMAGED:
+        if message is DAMAGED:
             self.corrupted += 1
             return False
         if not self._may_follow(stream, counter):

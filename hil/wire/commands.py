@@ -10,17 +10,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Final, Literal, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
-from hil.wire.quantities import Choice, Field, FieldError, Number, Scalar, shown, value_of
+from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
 CONTROLLER, PLANT = "controller", "plant"
 
 MAX_BYTES: Final = 4096
 """No command is longer."""
 
-LawName = Literal["cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"]
 _MAX_KEY: Final = 60
 _NO_FIELDS: Final[Mapping[str, Scalar]] = MappingProxyType({})
 
@@ -57,6 +56,9 @@ TARGET_POWER_W: Final = Number(
     "target_power_w", "W", 0.0, 10_000.0, "electric power that is wanted",
     optional=True, parameter="controller.supervisory.target_power_w",
 )  # fmt: skip
+LAW: Final = Name(
+    "law", "its name; which there are the controller knows", parameter="controller.name"
+)
 
 
 def _says_something(fields: Mapping[str, Scalar]) -> str:
@@ -78,7 +80,7 @@ DECLARED: Final = (
     ),
     Declaration(
         "law", CONTROLLER, "let another law go on from here",
-        (Choice("law", get_args(LawName), "its name", parameter="controller.name"),),
+        (LAW,),
     ),
     Declaration(
         "load-scale", PLANT, "the load in force is a multiple of the commanded one",

@@ -1,7 +1,7 @@
 """Every message on the wire, declared once.
 
-The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc), and the table in docs/messages.md all follow
-from this module; `python -m bench.dev.generate --check` fails when one of them has drifted.
+The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc) and the table in docs/messages.md
+all follow from this module; `python -m bench.dev.generate --check` fails when one has drifted.
 A tick carries at most six frames in both directions together (docs/messages.md, bus load).
 """
 
@@ -30,7 +30,8 @@ CHANNELS: Final = {
     6: "intake_right",
     7: "exhaust_right",
 }
-INJECTOR_LEFT, INJECTOR_RIGHT, SPARK_LEFT, SPARK_RIGHT = 0, 1, 2, 3
+INJECTOR_LEFT, INJECTOR_RIGHT, SPARK_LEFT, SPARK_RIGHT, *VALVES = CHANNELS
+INTAKE_LEFT, EXHAUST_LEFT, INTAKE_RIGHT, EXHAUST_RIGHT = VALVES
 
 SLOW_SIGNALS: Final = {0: "electric_power", 1: "p_left", 2: "p_right"}
 PULSE_CLOCK_US: Final = 1 << 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final, NamedTuple
 
 Scalar = float | int | str
@@ -74,7 +75,33 @@ class Choice(NamedTuple):
         return value
 
 
-Field = Number | Choice
+class Name(NamedTuple):
+    """A field that is the name of something declared elsewhere."""
+
+    name: str
+    meaning: str
+    default: str | None = None
+    optional: bool = False
+    parameter: str = ""
+    unit: str = ""
+    pattern: str = r"^[a-z][a-z0-9-]{0,39}$"
+
+    @property
+    def accepted(self) -> str:
+        """Its form in words."""
+        return "a name of a to z, 0 to 9 and -"
+
+    def read(self, value: object) -> Scalar:
+        """Check a value.
+
+        Raises: ValueError when it is no name
+        """
+        if not isinstance(value, str) or re.fullmatch(self.pattern[1:-1], value) is None:
+            raise ValueError
+        return value
+
+
+Field = Number | Choice | Name
 
 
 def value_of(field: Field, given: object) -> Scalar | None:

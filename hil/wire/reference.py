@@ -11,8 +11,8 @@ from hil.wire.quantities import Field
 
 _HEAD: Final = """# Commands and status
 
-Generated from `hil/wire/commands.py` and `hil/wire/status.py` by `python -m bench.dev.generate`; do not
-edit.
+Generated from `hil/wire/commands.py` and `hil/wire/status.py` by `python -m bench.dev.generate`;
+do not edit.
 
 ## Commands
 

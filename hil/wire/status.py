@@ -36,7 +36,7 @@ class Shown(NamedTuple):
 
 Tick = A[int, Shown("tick")]
 RunTimeS = A[float, Shown("time", "s", ".1f")]
-TdcMm = A[float, Shown("TDC", "mm", ".3f")]
+TdcMm = A[float | None, Shown("TDC", "mm", ".3f")]
 Reception = A[Mapping[str, int], Shown("frames")]
 
 
@@ -48,7 +48,7 @@ class ControllerStatus(NamedTuple):
     tick: tick of the newest answer
     tdc_mm: last dead centre, from mid-stroke, as the controller sees it
     tdc_ref_mm: set point in force
-    fuel_mg: fuel of the last demand of the law
+    fuel_mg: fuel of the last finished stroke that could fire
     load_n_s_m: load coefficient that is asked for
     stale: ticks without a valid sample
     late_samples: samples that came after their tick was answered without them
@@ -61,7 +61,7 @@ class ControllerStatus(NamedTuple):
     tick: Tick
     tdc_mm: TdcMm
     tdc_ref_mm: A[float, Shown("set point", "mm", ".3f")]
-    fuel_mg: A[float, Shown("fuel", "mg", ".3f")]
+    fuel_mg: A[float | None, Shown("fuel", "mg", ".3f")]
     load_n_s_m: A[float, Shown("load", "N s/m", ".1f")]
     stale: A[int, Shown("ticks without sample")]
     late_samples: A[int, Shown("late samples")]
@@ -117,6 +117,8 @@ def _figures(declared: type[ControllerStatus] | type[PlantStatus]) -> dict[str, 
     found = {}
     for name, hint in hints.items():
         kind, shown = get_args(hint)
+        if type(None) in get_args(kind):  # null until there is a value
+            kind = get_args(kind)[0]
         found[name] = Figure(get_origin(kind) or kind, shown)
     return found
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from drivers.can.virtual.segment import DIRECTORY_VARIABLE
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE
 from drivers.links import open_link, open_memory
 from hil.config.process import LinkConfig, LoopConfig, ZenohConfig
 from hil.wire.codec import Encoder

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bench.dev.generate import dbc_text
+from bench.dev.dbc import dbc_text
 from hil.wire import messages
 from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
 from hil.wire.fields import LAYOUTS

@@ -59,7 +59,7 @@ def _write_plant(path: Path, made: Made) -> None:
             tick, t_ns, 0.0, v_m_s, last.fuel_kg, 810.0, 0, len(past), last.t_ns, last.x_m, 0
         )
         sensor = topics.SENSOR.pack(tick, t_ns, 0.0, v_m_s, 1e5, 1e5, 100.0, 0)
-        log.put(truth + sensor + _timing(tick, made))
+        log.put(truth + (b"" if tick in made.missed else sensor) + _timing(tick, made))
     for t_ns, code, text in made.events:
         log.put(topics.EVENT.pack(t_ns // PERIOD_NS, t_ns, 0, code, text))
     log.close()

@@ -3,8 +3,8 @@
 import pytest
 
 from controller.actuator import MAX_PULSES, Machine, machine_for, messages, still_open
-from controller.start_restart import Mode
-from controller.timing import PlannedPulse
+from controller.mode.start_restart import Mode
+from controller.timing.plan import PlannedPulse
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.messages import GENERATOR, MOTOR, OFF, ControllerTick, MachineCommand, Pulse
 

@@ -150,6 +150,7 @@ def test_an_outer_part_stands_still_while_an_inner_one_runs(monkeypatch):
     assert costs["inner"].mean_us == pytest.approx(1.5)
 
 
+@pytest.mark.interpreted("the parts of a compiled tick cannot be told")
 def test_every_part_of_a_tick_is_counted():
     watch = Stopwatch()
     assert measure(120, watch) > 0.0

@@ -17,7 +17,7 @@ from bench.bus.can_log import check_name
 from bench.bus.load import frame_bits
 from bench.run import scenarios
 from bench.run.directory import RunFiles
-from drivers.system.process import read_scenario
+from hil.config.resolved import read_resolved
 from hil.errors import ConfigError
 from hil.wire.busload import classic_bits
 from hil.wire.codec import iter_frames
@@ -44,7 +44,7 @@ def done(tmp_path_factory):
 
 def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
     """cantools, which nobody here wrote, against the MCAP log."""
-    database = cantools.database.load_file(hil.__path__[0] + "/fpeg.dbc")
+    database = cantools.database.load_file(hil.__path__[0] + "/wire/fpeg.dbc")
     with can.LogReader(done.directory / "frames.log") as reader:
         decoded = [
             (database.get_message_by_frame_id(m.arbitration_id).name,
@@ -69,7 +69,7 @@ def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
 @pytest.mark.parametrize("suffix", ["asc", "blf", "csv"])
 def test_other_formats_hold_the_same_frames_in_the_same_order(done, suffix):
     path = done.directory / f"frames.{suffix}"
-    scenario = read_scenario(done.scenario)
+    scenario = read_resolved(done.scenario)
     count = commands.write_can_log(path, scenario, done, "2026-01-02T03:04:05+0000")
     frames = []
     for log in (done.plant_log, done.controller_log):
@@ -93,7 +93,7 @@ def test_the_load_is_told_in_one_line(done, capsys):
     line = capsys.readouterr().out
     assert "bus load 5" in line
     assert "81.0% at the worst possible" in line
-    figures = commands.figures(read_scenario(done.scenario), done)
+    figures = commands.figures(read_resolved(done.scenario), done)
     assert json.dumps(figures)
     assert 0.4 < figures["load_mean"] < figures["load_fullest_tick"] < 0.81
 

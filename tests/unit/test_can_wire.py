@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can.virtual.segment import DIRECTORY_VARIABLE
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE
 from drivers.can.virtual.wire import Waiting, arbitration_key, decide, frame_ns
 from hil.errors import ConfigError
 from hil.wire.busload import (

@@ -14,13 +14,15 @@ from hil.config.load import build
 from hil.errors import ConfigError
 from hil.wire import commands
 from hil.wire.commands import CONTROLLER, DECLARED, PLANT, OperatorCommand, parse, write
-from hil.wire.quantities import Choice, Number
+from hil.wire.quantities import Choice, Name, Number
 
 BESIDE = 1e-9
 """Share of a bound by which a value lies beside it."""
 
 
 def example_of(field):
+    if isinstance(field, Name):
+        return "pdf"
     return field.names[0] if isinstance(field, Choice) else field.low if field.whole else field.high
 
 
@@ -34,6 +36,9 @@ def beside(field):
     """Values at, below and above each bound, and of other types: (value, whether accepted)."""
     if isinstance(field, Choice):
         return [*((name, True) for name in field.names), ("nix", False), ("", False), (1, False)]
+    if isinstance(field, Name):
+        good, bad = ("pdf", "my-law2"), ("", "A", "a" * 41, 1)
+        return [*((name, True) for name in good), *((name, False) for name in bad)]
     step = 1 if field.whole else max(abs(field.low), abs(field.high), 1e-3) * BESIDE
     found = [(field.low, True), (field.high, True), (str(field.low), False), (True, False)]
     found += [(field.low - step, False), (field.high + step, False), (math.inf, False)]
@@ -140,6 +145,8 @@ def test_the_ranges_of_the_configuration_are_those_of_the_commands():
 
 
 def value_of(field):
+    if isinstance(field, Name):
+        return st.from_regex(r"[a-z][a-z0-9-]{0,39}", fullmatch=True)
     if isinstance(field, Choice):
         return st.sampled_from(field.names)
     if field.whole:
@@ -216,7 +223,7 @@ def test_no_bytes_do_more_than_be_refused_in_one_line(raw):
         (b'{"kind": ["start"]}', "kind must be one of"),
         (b'{"kind": "start", "x": 1}', "x: unknown key; accepted here: kind"),
         (b'{"kind": "set-point", "tdc_ref_m": 0.0005}', "tdc_ref_m = 0.0005; accepted: 0.001 to"),
-        (b'{"kind": "law"}', "law is missing; accepted: cascade, "),
+        (b'{"kind": "law"}', "law is missing; accepted: a name"),
     ],
 )
 def test_what_is_for_nobody_is_told_once_by_the_controller(raw, text):

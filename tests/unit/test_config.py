@@ -4,8 +4,11 @@ import json
 
 import pytest
 
-from drivers.system.process import read_arguments, read_scenario
-from hil.config.load import build, load, parse_assignment, read_toml, with_override
+from bench.run.resolve import resolve
+from drivers.system.process import read_arguments
+from hil.config.base import read_toml
+from hil.config.load import build, load, parse_assignment, read_scenario, with_override
+from hil.config.resolved import Resolved, read_resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 
@@ -224,11 +227,36 @@ def test_override_of_events_that_are_no_table_is_refused(path):
     assert "this scenario has no events.a; it has: none" in refused_override(path, "events.a.x=1")
 
 
-def test_resolved_scenario_survives_json(tmp_path, path):
-    scenario = load(path)
+@pytest.fixture
+def written(tmp_path, path):
+    """What a run leaves behind."""
     written = tmp_path / "scenario.json"
-    written.write_text(scenario.model_dump_json())
-    assert read_scenario(written) == scenario
+    written.write_text(resolve(load(path)).model_dump_json())
+    return written
+
+
+def test_resolved_scenario_survives_json(path, written):
+    assert read_resolved(written) == resolve(load(path))
+    assert read_scenario(written).model_dump() == resolve(load(path)).model_dump()
+
+
+@pytest.mark.parametrize("key", [
+    "plant.load_coefficient_n_s_m", "controller.tdc_ref_m", "controller.open_loop.fuel_kg",
+    "controller.supervisory.load_coefficient_n_s_m", "controller.limits.tdc_m",
+    "controller.preset.fuel_kg", "controller.preset.v_mid_m_s", "controller.preset.stroke_s",
+])  # fmt: skip
+def test_what_leaves_a_figure_open_starts_no_process(written, key):
+    tree = with_override(json.loads(written.read_text()), key, None)
+    written.write_text(json.dumps(tree))
+    said = line_of(read_arguments, "plant", ["--config", str(written)])
+    assert said.startswith(f"{written}: {key}: Input should be a valid number (given: None)")
+    assert "accepted: the scenario.json of a run" in said
+    assert isinstance(resolve(read_scenario(written)), Resolved)
+
+
+def test_scenario_as_a_user_writes_it_starts_no_process(path):
+    said = line_of(read_arguments, "controller", ["--config", str(path)])
+    assert said.startswith(f"{path}: plant: Field required")
 
 
 @pytest.mark.parametrize(
@@ -258,8 +286,8 @@ def test_tree_of_another_origin_is_named_by_it():
     assert line_of(build, {"nix": 1}, "here").startswith("here: nix: unknown key")
 
 
-def test_process_reads_its_scenario_and_log(path):
-    given = read_arguments("plant", ["--config", str(path), "--log", "plant.mcap"])
+def test_process_reads_its_scenario_and_log(written):
+    given = read_arguments("plant", ["--config", str(written), "--log", "plant.mcap"])
     assert given.scenario.name == "example"
     assert given.log.name == "plant.mcap"
-    assert read_arguments("plant", ["--config", str(path)]).log is None
+    assert read_arguments("plant", ["--config", str(written)]).log is None

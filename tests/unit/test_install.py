@@ -123,10 +123,9 @@ def test_a_wrong_argument_is_named(tmp_path: Path, arguments: list[str], named: 
 
 
 def test_the_installed_configuration_is_accepted() -> None:
-    from bench.run.service import checked
-    from drivers.system.process import read_scenario
+    from bench.run.service import read
 
     path = SYSTEMD / "config/engine.toml"
-    scenario = checked(read_scenario(path), path)
+    scenario = read(path)
     assert not scenario.controller.running
     assert scenario.link.bus == "socketcan:vcan0"

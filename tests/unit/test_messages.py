@@ -2,12 +2,12 @@
 
 import pytest
 
-from bench.dev.generate import FRAME_BITS_MAX, frames_per_tick
+from bench.dev.messages_page import FRAME_BITS_MAX, frames_per_tick
 from controller.actuator import MAX_PULSES
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from hil.wire import messages
 from hil.wire.fields import LAYOUTS
-from plant import actuation, machine
+from plant.engines import machine
 
 
 def test_a_tick_has_at_most_six_frames_in_both_directions_together():
@@ -39,16 +39,4 @@ def test_modes_and_channels_have_one_numbering():
         machine.MOTOR,
         machine.GENERATOR,
     )
-    assert (
-        messages.INJECTOR_LEFT,
-        messages.INJECTOR_RIGHT,
-        messages.SPARK_LEFT,
-        messages.SPARK_RIGHT,
-    ) == (
-        actuation.INJECTOR_LEFT,
-        actuation.INJECTOR_RIGHT,
-        actuation.SPARK_LEFT,
-        actuation.SPARK_RIGHT,
-    )
     assert messages.CHANNELS[messages.SPARK_RIGHT] == "spark_right"
-    assert actuation.MODULUS_US == messages.PULSE_CLOCK_US

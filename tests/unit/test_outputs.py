@@ -39,13 +39,23 @@ def refused(monkeypatch, capsys, tmp_path):
         (tmp_path / "a-run").mkdir(exist_ok=True)
         (tmp_path / "a-run" / name).touch()
     for work in (
-        "bench.studies.engine.sweep.sweep", "bench.studies.engine.precision.measure", "bench.studies.tune.looked_for",
-        "bench.studies.tune.judge", "bench.studies.compare.compare", "bench.measure.latency.measure_round",
-        "bench.measure.highest_rate.try_rate", "bench.measure.step_cost.measure", "bench.dev.golden.record",
-        "bench.run.execution.execute", "bench.run.commands.execute", "bench.measure.soak.execute",
-        "bench.fmu.export._compile", "bench.run.commands.read_run", "bench.logs.what_if.continuation.resume",
+        "bench.studies.engine.sweep.sweep",
+        "bench.studies.engine.precision.measure",
+        "bench.studies.tune.looked_for",
+        "bench.studies.tune.judge",
+        "bench.studies.compare_command.compare",
+        "bench.measure.latency.measure_round",
+        "bench.measure.highest_rate.try_rate",
+        "bench.measure.step_cost.measure",
+        "bench.dev.golden.record",
+        "bench.run.execution.execute",
+        "bench.run.commands.execute",
+        "bench.measure.soak.execute",
+        "bench.fmu.export._compile",
+        "bench.run.commands.read_run",
+        "bench.logs.what_if.continuation.resume",
         "bench.dev.compile._move",
-    ):  # fmt: skip
+    ):
         monkeypatch.setattr(work, lambda *_a, _work=work, **_k: pytest.fail(f"{_work} was begun"))
 
     def run(*arguments):
@@ -95,7 +105,7 @@ def test_a_check_leaves_no_trace(tmp_path):
 def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled(monkeypatch):
     course = Course([], [], "safe")
     result = tune.read_off(course, 0.0155)
-    assert (result.errors_mm, result.peak_mm, result.settling_ms) == ((), math.inf, math.inf)
+    assert (result.errors_mm, result.settling_ms) == ((), math.inf)
     monkeypatch.setattr(tune, "simulate", lambda _scenario: course)
     gains = tune.gains_in_force("cascade")
     assert tune.cost("cascade", list(gains.values())) == tune.UNSETTLED

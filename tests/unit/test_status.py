@@ -140,7 +140,7 @@ def test_set_points_and_the_law_are_commands_of_their_own():
         (["gain=3"], "gain: unknown; accepted: tdc_ref_m"),
         (["tdc_ref_m=0.2"], r"tdc_ref_m = 0.2; accepted: 0.001 to 0.05"),
         (["tdc_ref_m=high"], "tdc_ref_m = 'high'"),
-        (["law=best"], "law = 'best'; accepted: cascade"),
+        (["law=best"], "law = 'best': accepted: cascade"),
     ],
 )
 def test_what_the_controller_would_refuse_is_refused_here(given, text):

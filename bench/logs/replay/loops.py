@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import controller.main
-import controller.memory
-import plant.main
+import controller.build
+import plant.build
 import plant.memory
 from bench.logs.replay.ports import Player, PlayerLink
 from bench.logs.replay.turns import Turn
-from controller.loop import ControllerLoop
+from controller.loop import ControllerLoop, LoopMemory
 from drivers.links import Connection
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from plant.loop import PlantLoop
 
 
@@ -40,11 +39,11 @@ class Replayed(Protocol):
 class ReplayedController:
     """The controller's own loop on recorded batches."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        patience_ns = controller.main.make_pacer(scenario).patience_ns
+    def __init__(self, scenario: Resolved) -> None:
+        patience_ns = controller.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: ControllerLoop = controller.main.make_loop(scenario, connection, player, player)
+        self.loop: ControllerLoop = controller.build.make_loop(scenario, connection, player, player)
 
     @property
     def next_tick(self) -> int:
@@ -59,17 +58,17 @@ class ReplayedController:
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""
-        self.loop.recall(snapshot.loads(controller.memory.LoopMemory, state))
+        self.loop.recall(snapshot.loads(LoopMemory, state))
 
 
 class ReplayedPlant:
     """The plant's own loop on recorded answers."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        patience_ns = plant.main.make_pacer(scenario).patience_ns
+    def __init__(self, scenario: Resolved) -> None:
+        patience_ns = plant.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: PlantLoop = plant.main.make_loop(scenario, connection, player, player)
+        self.loop: PlantLoop = plant.build.make_loop(scenario, connection, player, player)
 
     @property
     def next_tick(self) -> int:

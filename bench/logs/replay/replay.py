@@ -12,16 +12,16 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from pydantic import ValidationError
-
-from bench.logs.replay.differences import Difference, Records, differences_of
+from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
+from bench.logs.replay.outcome import Found, Gap, Outcome
+from bench.logs.replay.rig import replay_rig
 from bench.logs.replay.turns import Turn, check_layouts, turns
 from hil import log as logs
-from hil.config.load import describe
-from hil.config.scenario import Scenario
+from hil.config.check import check_json
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, HilError, LogError
 from hil.log import Log, Span
 from hil.log.part import ALWAYS
@@ -30,56 +30,23 @@ WINDOW_S = 0.15
 """How much about the first difference is kept, to show the strokes around it."""
 
 
-class Gap(NamedTuple):
-    """Ticks that are not in the log, and where the replay went on, -1 when it could not."""
-
-    first_tick: int
-    next_tick: int
-
-
-class Found(NamedTuple):
-    """The first turn that differs, and what was recorded and replayed around it."""
-
-    tick: int
-    differences: tuple[Difference, ...]
-    around: tuple[tuple[bytes, bytes], ...]
-
-
-class Outcome(NamedTuple):
-    """What a replay came to."""
-
-    process: str
-    first_tick: int
-    ticks: int
-    different: int
-    found: Found | None
-    gaps: tuple[Gap, ...]
-    notes: tuple[str, ...]
-    simulated_s: float
-    cpu_s: float
-
-    @property
-    def identical(self) -> bool:
-        """Whether every turn that could be replayed put what was put then."""
-        return self.found is None
-
-
-def scenario_of(log: Log, config: Path | None = None) -> Scenario:
+def scenario_of(log: Log, config: Path | None = None) -> Resolved:
     """Return the configuration of a log: its own, or that of a file.
 
     Raises: LogError when it has none that this version can read
     """
     if config is not None:
-        from drivers.system.process import read_scenario
+        from bench.run.resolve import resolve
+        from hil.config.load import read_scenario
 
-        return read_scenario(config)
+        return resolve(read_scenario(config))
     attached = log.attachments.get("scenario.json")
     if attached is None:
         raise log.error("cannot be replayed: it carries no scenario.json; give one with --config")
     try:
-        return Scenario.model_validate_json(attached.content)
-    except ValidationError as error:
-        raise LogError(describe(error, f"{log.path}: scenario.json")) from None
+        return check_json(Resolved, attached.content, f"{log.path}: scenario.json")
+    except ConfigError as error:
+        raise LogError(str(error)) from None
 
 
 def process_of(log: Log) -> str:
@@ -93,7 +60,7 @@ def process_of(log: Log) -> str:
     return process
 
 
-def replay(log: Log, scenario: Scenario, span: Span = ALWAYS) -> Outcome:
+def replay(log: Log, scenario: Resolved, span: Span = ALWAYS) -> Outcome:
     """Replay a log of ours from its beginning, or from the last snapshot before the span.
 
     Raises: LogError when it lacks what a replay needs
@@ -113,7 +80,7 @@ def replay(log: Log, scenario: Scenario, span: Span = ALWAYS) -> Outcome:
     return comparison.outcome(process, scenario.loop.rate_hz, cpu_s)
 
 
-def make(process: str, scenario: Scenario) -> ReplayedController | ReplayedPlant:
+def make(process: str, scenario: Resolved) -> ReplayedController | ReplayedPlant:
     """Make the loop of a process with the configuration of a log.
 
     Raises: LogError when it cannot be made any more
@@ -262,8 +229,6 @@ def replay_file(path: Path, config: Path | None, span: Span) -> Outcome:
         scenario = scenario_of(log, config)
         try:
             if "/frames/received" not in log.topics:
-                from bench.logs.replay.rig import replay_rig
-
                 return replay_rig(log, scenario, span)
             return replay(log, scenario, span)
         except LogError:

@@ -12,9 +12,9 @@ from typing import Any
 
 from bench.logs.replay.differences import Difference, same
 from bench.logs.replay.loops import ReplayedController
-from bench.logs.replay.replay import Found, Outcome
+from bench.logs.replay.outcome import Found, Outcome
 from bench.logs.replay.turns import Turn
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.log import Log, Span, topics
 from hil.log.records import PAYLOAD_OFFSET
 from hil.wire.codec import Encoder
@@ -30,7 +30,7 @@ _STAMPS = {"tick", "t_ns", "answers_tick"}
 Row = dict[str, Any]
 
 
-def replay_rig(log: Log, scenario: Scenario, span: Span) -> Outcome:
+def replay_rig(log: Log, scenario: Resolved, span: Span) -> Outcome:
     """Feed /sensor to the controller, from its initial state, and compare /actuator.
 
     Raises: LogError when /sensor lacks position or speed

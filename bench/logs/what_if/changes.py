@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import plant.main
-from hil.config.load import build, parse_assignment, with_override
-from hil.config.scenario import Scenario
+import plant.build
+from hil.config.check import check
+from hil.config.load import parse_assignment, with_override
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.wire.commands import BY_PARAMETER
-from plant.params import PlantParams
-from plant.state import PlantState
+from plant.rig.params import PlantParams
+from plant.rig.state import PlantState
 
 _SETTLED = (
     "controller.running", "controller.preset", "controller.supervisory", "plant.prototype",
@@ -21,14 +22,14 @@ _ACCEPTED = ("controller.", "plant.", "events.", "run.duration_s", "run.seed")
 class Changed(NamedTuple):
     """The configuration to go on with; `told` is what the logs say of the changes."""
 
-    scenario: Scenario
+    scenario: Resolved
     plant_params: PlantParams
     told: dict[str, str]
     notes: tuple[str, ...]
 
 
 def changed(
-    scenario: Scenario,
+    scenario: Resolved,
     assignments: tuple[str, ...],
     duration_s: float | None,
     tick: int,
@@ -51,16 +52,16 @@ def changed(
             tree = with_override(tree, key, value)
     if duration_s is not None:
         tree = with_override(tree, "run.duration_s", duration_s)
-    new = build(tree, "--set")
-    params = plant.main.make_params(new)
-    _check_events(plant.main.make_params(scenario), params, state)
-    if plant.main.ticks_of(new) <= tick:
+    new = check(Resolved, tree, "--set")
+    params = plant.build.make_params(new)
+    _check_events(plant.build.make_params(scenario), params, state)
+    if plant.build.ticks_of(new) <= tick:
         ends = new.run.duration_s
         raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
     return Changed(new, params, told, _notes(told))
 
 
-def _check(key: str, scenario: Scenario) -> None:
+def _check(key: str, scenario: Resolved) -> None:
     """Refuse what acts at the beginning of a run only, or is no parameter of the engine.
 
     Raises: ConfigError

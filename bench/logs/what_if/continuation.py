@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import controller.main
-import plant.main
+import controller.build
+import plant.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
 from bench.logs.replay.turns import Turn, check_layouts, turns
@@ -28,7 +28,7 @@ from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
 from hil import snapshot
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
@@ -54,7 +54,7 @@ class Told(NamedTuple):
 
     recorded: Path
     continued: Path
-    scenario: Scenario
+    scenario: Resolved
     tick: int
     ticks: int
     notes: tuple[str, ...]
@@ -103,7 +103,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
         wanted = changed(scenario, wish.assignments, wish.duration_s, tick, state)
     out = wish.out or _fresh(directory)
     _go_on(resumed, wanted, directory, out)
-    ticks = plant.main.ticks_of(wanted.scenario) - tick
+    ticks = plant.build.ticks_of(wanted.scenario) - tick
     return Told(directory, out, wanted.scenario, tick, ticks, resumed.notes + wanted.notes)
 
 
@@ -127,7 +127,7 @@ def _fresh(directory: Path) -> Path:
     return out
 
 
-def resume(both: tuple[Log, Log], scenario: Scenario, tick: int) -> Resumed:
+def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     """Bring both loops to the start of a tick, as they were then.
 
     Raises: LogError when the logs do not reach it
@@ -145,7 +145,7 @@ def resume(both: tuple[Log, Log], scenario: Scenario, tick: int) -> Resumed:
 
 
 def _brought_to(
-    log: Log, process: str, scenario: Scenario, tick: int, notes: list[str]
+    log: Log, process: str, scenario: Resolved, tick: int, notes: list[str]
 ) -> tuple[Loop, bytes]:
     """Run one loop on its recorded turns up to a tick; return it and what it sent last."""
     if process_of(log) != process:
@@ -228,7 +228,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
             stack.callback(recorder.close)
             recorders[name] = recorder
         plant_loop = _closed(resumed, wanted, recorders)
-        tick, ticks = resumed.tick, plant.main.ticks_of(wanted.scenario)
+        tick, ticks = resumed.tick, plant.build.ticks_of(wanted.scenario)
         while tick < ticks:
             tick = plant_loop.turn(tick)
 
@@ -259,7 +259,7 @@ def _plant(resumed: Resumed, wanted: Changed, end: Connection, recorder: Recorde
     loop = PlantLoop(
         wanted.plant_params, memory.state, link=end.link, pacer=pacer, recorder=recorder,
         status=end.status, status_every=STATUS_NEVER,
-        snapshot_every=max(scenario.loop.rate_hz // plant.main.SNAPSHOT_HZ, 1),
+        snapshot_every=plant.build.snapshot_every(scenario),
     )  # fmt: skip
     loop.recall(memory)
     return loop
@@ -270,6 +270,6 @@ def _controller(
 ) -> ControllerLoop:
     scenario = wanted.scenario
     pacer = LockstepPacer(scenario.loop.period_ns, round(scenario.loop.peer_timeout_s * 1e9))
-    loop = controller.main.make_loop(scenario, end, pacer, recorder)
+    loop = controller.build.make_loop(scenario, end, recorder, pacer)
     loop.recall(resumed.controller.loop.remember())
     return loop

@@ -12,15 +12,17 @@ from pydantic import Field, ValidationError, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from hil.config.base import Section
-from hil.config.controller import ControllerName
-from hil.config.load import build, read_toml, with_override
+from controller.motion.choice import check_name
+from hil import compiled
+from hil.config.base import Section, read_toml
+from hil.config.controller import LawName
+from hil.config.load import build, with_override
 from hil.config.plant import Model
 from hil.config.prototypes import PROTOTYPES
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-PACKAGED = Path(__file__).with_name("campaigns")
+PACKAGED = compiled.root() / "bench" / "campaigns"
 
 Tree = dict[str, Any]
 Scalar = bool | int | float | str
@@ -75,7 +77,7 @@ class Campaign(Section):
     runs: int = Field(ge=1, le=1_000_000)
     seed: int = Field(default=1, ge=0, le=2**31)
     duration_s: float = Field(default=5.0, gt=0.0, le=3600.0)
-    controllers: tuple[ControllerName, ...] = ("cascade",)
+    controllers: tuple[LawName, ...] = ("cascade",)
     models: tuple[Model, ...] = ("harmonic",)
     prototypes: tuple[Literal["nu", "bit"], ...] = ("nu",)
     load: LoadSpread = LoadSpread()
@@ -96,11 +98,14 @@ def read(name: str) -> Campaign:
         known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
         raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
     try:
-        return Campaign.model_validate(read_toml(path))
+        campaign = Campaign.model_validate(read_toml(path))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"{path}: {key}: {first['msg']}") from None
+    for law in campaign.controllers:
+        check_name(law, f"{path}: controllers")
+    return campaign
 
 
 class Drawn(Section):
@@ -216,7 +221,7 @@ def tree_of(campaign: Campaign, drawn: Drawn) -> Tree:
     return with_override(tree, "controller.preset", preset)
 
 
-def scenario_of(campaign: Campaign, drawn: Drawn) -> Scenario:
+def scenario_of(campaign: Campaign, drawn: Drawn) -> Resolved:
     """The resolved scenario of a run.
 
     Raises: ConfigError when it cannot begin

@@ -10,7 +10,7 @@ from typing import Any
 from bench.judge.response import Response
 from bench.run.offline import Course, simulate
 from bench.studies.campaign.config import Campaign, Drawn, draw, scenario_of
-from hil.config.scenario import Scenario
+from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
 Row = dict[str, Any]
@@ -36,7 +36,7 @@ def run_one(campaign: Campaign, index: int) -> Row:
     return row | measure(campaign, drawn, scenario, course)
 
 
-def measure(campaign: Campaign, drawn: Drawn, scenario: Scenario, course: Course) -> Row:
+def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course) -> Row:
     """Peak, settling, scatter, fuel, contacts and misfires of a run.
 
     Peak and settling count from the load step, or from the end of the ramp on for settling, to

@@ -16,9 +16,10 @@ from typing import Any, Final
 
 import can
 
+from drivers.can.virtual.directory import channels
 from drivers.can.virtual.messages import from_message, to_message
 from drivers.can.virtual.records import ERROR, FD, HEAD, Frame, pack_frame, unpack_frames
-from drivers.can.virtual.segment import Segment, channels
+from drivers.can.virtual.segment import Segment
 from drivers.can.virtual.transmitter import ERROR_PASSIVE, Medium, Transmitter, open_wire
 from hil.errors import HilError
 

@@ -17,7 +17,7 @@ def from_message(message: can.Message, t_ns: int) -> Frame:
 
     Raises: ValueError when the message is none that a bus could carry
     """
-    message._check()
+    message._check()  # noqa: SLF001  # the library's own check has no public name
     can_id = message.arbitration_id
     if message.is_extended_id:
         can_id |= EXTENDED

@@ -2,127 +2,37 @@
 
 Whoever opens a channel listens on a socket of its own and connects to all that are there; opening
 takes turns under a file lock, so that no two miss each other. No router, no multicast, nothing
-beyond this machine. What a killed process left behind is told by its released lock and removed.
+beyond this machine.
 """
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import itertools
 import json
 import mmap
 import os
-import re
 import struct
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import zenoh
 
+from drivers.can.virtual.directory import folder_of, locked, node_names, sweep
 from drivers.can.virtual.records import HEAD, MAGIC
 from drivers.zenoh.link import give_back
-from hil.errors import ConfigError, LinkError
+from hil.errors import LinkError
 
-CHANNEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}", re.ASCII)
-DIRECTORY_VARIABLE: Final = "HIL_CAN_DIRECTORY"
 SHARED_SIZE: Final = 1 << 14
 """Bytes that the processes of a channel share: a count of joins, and the model of the wire."""
 
 _CAPACITY: Final = 1 << 14  # messages that wait to be taken; beyond it the oldest is lost
-_MAX_SOCKET_PATH: Final = 107
 _MEET_S: Final = 0.25  # for a newcomer to be known; one that died meanwhile never will
 _OPEN_S: Final = 10.0
 _NAP_S: Final = 1e-4
 _JOINS: Final = struct.Struct("<Q")
 _numbers = itertools.count()
-
-
-def runtime_directory() -> Path:
-    """Return where the channels of this user live; HIL_CAN_DIRECTORY puts them elsewhere."""
-    given = os.environ.get(DIRECTORY_VARIABLE)
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    if base and Path(base).is_dir():
-        return Path(base) / "hil-can"
-    return Path(tempfile.gettempdir()) / f"hil-can-{os.geteuid()}"
-
-
-def channels() -> dict[str, int]:
-    """Return the channels that are open on this machine, with how many nodes each has."""
-    found = {}
-    root = runtime_directory()
-    for folder in sorted(root.iterdir()) if root.is_dir() else []:
-        if folder.is_dir() and CHANNEL.fullmatch(folder.name):
-            nodes = sum(1 for name in _names(folder) if _is_held(folder / f"{name}.alive"))
-            if nodes:
-                found[folder.name] = nodes
-    return found
-
-
-def _names(folder: Path) -> list[str]:
-    return sorted(path.stem for path in folder.glob("*.alive"))
-
-
-def _is_held(path: Path) -> bool:
-    """Whether the process that made the file is still there: it holds a lock until it dies."""
-    try:
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
-
-
-def _sweep(folder: Path) -> list[str]:
-    """Remove what dead processes left; returns the names of those that live."""
-    living = []
-    for name in _names(folder):
-        if _is_held(folder / f"{name}.alive"):
-            living.append(name)
-            continue
-        for suffix in ("alive", "sock", "sock.lock"):
-            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
-    return living
-
-
-def _folder_of(channel: str) -> Path:
-    """Make the directory of a channel, for this user alone.
-
-    Raises: ConfigError when the name, the directory or its owner will not do
-    """
-    if not CHANNEL.fullmatch(channel):
-        raise ConfigError(
-            f"CAN channel zenoh:{channel}: accepted letters, digits and _ . -, at most 32"
-        )
-    folder = runtime_directory() / channel
-    if len(str(folder)) > _MAX_SOCKET_PATH - 24:
-        raise ConfigError(f"{folder}: too long for a unix socket; set {DIRECTORY_VARIABLE}")
-    try:
-        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700, exist_ok=True)
-        owner = folder.parent.stat()
-    except OSError as error:
-        raise ConfigError(f"{folder}: {error.strerror}") from None
-    if owner.st_uid != os.geteuid() or owner.st_mode & 0o022:
-        raise ConfigError(f"{folder.parent}: not this user's alone; set {DIRECTORY_VARIABLE}")
-    return folder
-
-
-@contextlib.contextmanager
-def locked(file: int) -> Iterator[None]:
-    """Hold the lock of an open file while the body runs; it is released with its process."""
-    fcntl.flock(file, fcntl.LOCK_EX)
-    try:
-        yield
-    finally:
-        fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def _session_tree(socket: Path, others: list[Path], patience_us: int) -> str:
@@ -170,7 +80,7 @@ class Segment:
 
     def __init__(self, channel: str, *, patience_us: int = 20_000) -> None:
         self.channel = channel
-        self.folder = _folder_of(channel)
+        self.folder = folder_of(channel)
         self.name = f"{os.getpid()}-{next(_numbers)}"
         self.identity = int.from_bytes(os.urandom(8), "little")
         self.overruns = self.malformed = 0
@@ -193,7 +103,7 @@ class Segment:
 
     def _join(self, patience_us: int) -> None:
         """Open a session beside those that are there, and wait until they are connected."""
-        others = _sweep(self.folder)
+        others = sweep(self.folder)
         self._alive = os.open(self.folder / f"{self.name}.alive", os.O_RDWR | os.O_CREAT, 0o600)
         fcntl.flock(self._alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
         socket = self.folder / f"{self.name}.sock"
@@ -252,7 +162,7 @@ class Segment:
         joins = _JOINS.unpack_from(self.shared)[0]
         if joins != self._joins:
             self._joins = joins
-            self._meet(_names(self.folder), _MEET_S)
+            self._meet(node_names(self.folder), _MEET_S)
 
     def publish(self, frames: bytes) -> None:
         """Send packed frames to all other nodes; never waits for one that hangs.

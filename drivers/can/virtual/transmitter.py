@@ -14,8 +14,9 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from drivers.can.errors import BUS_ERROR, BUS_OFF, COUNTERS, ERROR_FLAG, PROTOCOL, RESTARTED
+from drivers.can.virtual.directory import locked
 from drivers.can.virtual.records import EXTENDED, FD, REMOTE, Frame
-from drivers.can.virtual.segment import Segment, locked
+from drivers.can.virtual.segment import Segment
 from drivers.can.virtual.wire import SharedWire, Waiting, arbitration_key, frame_ns
 
 ERROR_PASSIVE: Final = 128

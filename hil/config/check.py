@@ -1,0 +1,114 @@
+"""Checking a tree; what is wrong is one line that names file, key and what is accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from hil.config.base import Section
+from hil.errors import ConfigError
+from hil.wire.quantities import FieldError
+
+_S = TypeVar("_S", bound=Section)
+
+_LONGEST_SHOWN = 80
+
+
+def check(section: type[_S], tree: Mapping[str, Any], origin: str) -> _S:
+    """Check a tree and make it a section.
+
+    Raises: ConfigError naming origin, key, the value given and what is accepted
+    """
+    return _checked(section, origin, lambda: section.model_validate(tree))
+
+
+def check_json(section: type[_S], data: str | bytes, origin: str) -> _S:
+    """Check what a process has written down of a section.
+
+    Raises: ConfigError likewise
+    """
+    return _checked(section, origin, lambda: section.model_validate_json(data))
+
+
+def _checked(section: type[_S], origin: str, validated: Callable[[], _S]) -> _S:
+    try:
+        return validated()
+    except ValidationError as error:
+        raise ConfigError(_refusal(error, origin, section)) from None
+
+
+def _refusal(error: ValidationError, origin: str, checked: type[Section]) -> str:
+    """One line of a validation error: file, key, what was given, what is accepted."""
+    first = error.errors(include_url=False)[0]
+    parts = [str(part) for part in first["loc"]]
+    key = ".".join(parts)
+    more = error.error_count() - 1
+    tail = f" (and {more} more)" if more else ""
+    if first["type"] == "extra_forbidden":
+        return f"{origin}: {key}: unknown key; accepted here: {_siblings(checked, parts)}{tail}"
+    given = first["input"]
+    told = f" (given: {shown(given)})" if not isinstance(given, dict) else ""
+    message = first["msg"].removeprefix("Value error, ")
+    if isinstance(first.get("ctx", {}).get("error"), FieldError):
+        return f"{origin}: {key}.{message}{tail}"
+    accepted = _accepted_range(checked, parts)
+    return f"{origin}: {key or 'scenario'}: {message}{told}{accepted}{tail}"
+
+
+def shown(value: object) -> str:
+    """A value on part of a line."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def _section(checked: type[Section], parts: list[str]) -> dict[str, Any]:
+    """JSON schema of the section that holds the last of these keys."""
+    schema = checked.model_json_schema()
+    definitions = schema.get("$defs", {})
+    node: dict[str, Any] = schema
+    for part in parts[:-1]:
+        below = node.get("properties", {}).get(part)
+        if below is None:
+            below = _branch(node, part, definitions)
+        node = _resolve(below, definitions)
+    return node
+
+
+def _branch(node: dict[str, Any], part: str, definitions: dict[str, Any]) -> dict[str, Any]:
+    """Follow a named entry of a table of tables, or a branch that a `kind` selects."""
+    mapping = node.get("discriminator", {}).get("mapping", {})
+    if part in mapping:
+        return {"$ref": mapping[part]}
+    extra = node.get("additionalProperties")
+    return extra if isinstance(extra, dict) else {}
+
+
+def _resolve(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
+    """Follow references and optional sections down to a table."""
+    for key in ("anyOf", "allOf"):
+        if key in node:
+            tables = [n for n in node[key] if "$ref" in n]
+            node = tables[0] if tables else node
+    if "$ref" in node:
+        return dict(definitions[node["$ref"].rsplit("/", 1)[-1]])
+    return node
+
+
+def _siblings(checked: type[Section], parts: list[str]) -> str:
+    """Names of the keys that the section accepts."""
+    return ", ".join(_section(checked, parts).get("properties", {})) or "nothing"
+
+
+def _accepted_range(checked: type[Section], parts: list[str]) -> str:
+    """The range of a number from its schema, where it has one."""
+    if not parts:
+        return ""
+    node = _section(checked, parts).get("properties", {}).get(parts[-1], {})
+    options = [node, *node.get("anyOf", [])]
+    low = next((n[k] for n in options for k in ("minimum", "exclusiveMinimum") if k in n), None)
+    high = next((n[k] for n in options for k in ("maximum", "exclusiveMaximum") if k in n), None)
+    if low is None and high is None:
+        return ""
+    return f"; accepted: {'' if low is None else low} to {'' if high is None else high}"
