@@ -51,7 +51,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         note_granted(recorder, scenario, granted)
         snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         if service is None:
-            connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
+            stop.wait_for_peer(connection.link, scenario.loop.peer_timeout_s)
         else:
             service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
         effort = Effort(recorder)
