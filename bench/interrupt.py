@@ -26,8 +26,15 @@ def guard() -> None:
         sys.unraisablehook = _ask_again
 
 
+def is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error came of an interrupt, as when a module in C fails to load because of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def _tell(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    if not issubclass(kind, KeyboardInterrupt):
+    if not is_interrupt(error):
         sys.__excepthook__(kind, error, traceback)
         return
     print("interrupted", file=sys.stderr, flush=True)

@@ -12,7 +12,7 @@ from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Assignments
-from bench.interrupt import EXIT_CODE
+from bench.interrupt import EXIT_CODE, is_interrupt
 
 app = typer.Typer(
     name="hil",
@@ -189,6 +189,9 @@ def main() -> None:
         print(f"{error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:
+        if is_interrupt(error):
+            print("interrupted", file=sys.stderr)
+            sys.exit(EXIT_CODE)
         line, code = _told(error)
         if not line:
             raise

@@ -90,7 +90,18 @@ time.sleep(10)
 """
 
 
-@pytest.mark.parametrize("code", ["import bench; raise KeyboardInterrupt", CAUGHT_IN_C])
+LOST_IN_A_MODULE = """
+import bench
+try:
+    raise KeyboardInterrupt
+except KeyboardInterrupt as error:
+    raise SystemError("initialization failed") from error
+"""
+
+
+@pytest.mark.parametrize(
+    "code", ["import bench; raise KeyboardInterrupt", CAUGHT_IN_C, LOST_IN_A_MODULE]
+)
 def test_an_interrupt_is_no_traceback_wherever_it_comes(code):
     """While modules are imported, and where C can only ignore it."""
     done = subprocess.run(
