@@ -33,6 +33,13 @@ def is_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
+def told() -> int:
+    """Say it once: another one while everything is put away is nothing new; the exit code."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    print("interrupted", file=sys.stderr, flush=True)
+    return EXIT_CODE
+
+
 def _tell(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
     if not is_interrupt(error):
         sys.__excepthook__(kind, error, traceback)

@@ -12,7 +12,7 @@ from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Assignments
-from bench.interrupt import EXIT_CODE, is_interrupt
+from bench.interrupt import EXIT_CODE, is_interrupt, told
 
 app = typer.Typer(
     name="hil",
@@ -183,15 +183,13 @@ def main() -> None:
             raise KeyboardInterrupt
         sys.exit(code)
     except (KeyboardInterrupt, typer.Abort):
-        print("interrupted", file=sys.stderr)
-        sys.exit(EXIT_CODE)
+        sys.exit(told())
     except OSError as error:
         print(f"{error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:
         if is_interrupt(error):
-            print("interrupted", file=sys.stderr)
-            sys.exit(EXIT_CODE)
+            sys.exit(told())
         line, code = _told(error)
         if not line:
             raise
