@@ -25,7 +25,7 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/wire/codec.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
+    "hil/wire/codec.py", "hil/wire/packing.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
     "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
