@@ -27,7 +27,8 @@ GROUP: Final = "fpeg_hil"
 PATTERNS: Final = (
     "hil/wire/codec.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
     "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
-    "plant/*.py", "controller/**/*.py",
+    "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
+    "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",
     "drivers/can/assembly.py", "bench/run/offline.py",
 )  # fmt: skip

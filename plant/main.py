@@ -1,10 +1,9 @@
-"""The plant process: configuration, ports, loop."""
+"""The plant process: its ports opened, its loop run to the end."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 from drivers.links import Connection, open_link
 from drivers.system.clock import SystemClock
@@ -22,61 +21,9 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import ENDLESS, Heart, Service
 from hil import snapshot
 from hil.config.resolved import Resolved
-from hil.config.scenario import OperatorEvent
-from hil.errors import RunError
-from hil.pacing import LockstepPacer, Pacer, RealTimePacer
-from hil.ports import Recorder
-from plant.initial import initial_state
+from plant.build import make_loop, make_pacer, ticks_of
 from plant.loop import PlantLoop
-from plant.params import PlantParams, plant_params
-
-STATUS_HZ = 10
-SNAPSHOT_HZ = 4
-
-
-def make_params(scenario: Resolved) -> PlantParams:
-    """The plant's part of a scenario."""
-    events = {
-        name: event
-        for name, event in scenario.events.items()
-        if not isinstance(event, OperatorEvent)
-    }
-    return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
-
-
-def make_pacer(scenario: Resolved) -> Pacer:
-    """Real time: deadlines and the newest answer, if any. Lockstep: the answer must come."""
-    period_ns = scenario.loop.period_ns
-    if scenario.loop.clock == "realtime":
-        return RealTimePacer(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
-    return LockstepPacer(period_ns, round(scenario.loop.peer_timeout_s * 1e9))
-
-
-def make_loop(
-    scenario: Resolved, connection: Connection, recorder: Recorder, pacer: Pacer | None = None
-) -> PlantLoop:
-    """Put parameters, initial state and ports together.
-
-    Raises: ConfigError when the run cannot begin as it is asked to
-    """
-    params = make_params(scenario)
-    settled = scenario.begins == "settled"
-    state, events = initial_state(
-        params,
-        scenario.controller.preset.fuel_kg if settled else None,
-        scenario.controller.supervisory.load_coefficient_n_s_m,
-    )
-    return PlantLoop(
-        params, state, events, link=connection.link, pacer=pacer or make_pacer(scenario),
-        recorder=noting(recorder, connection.link), status=connection.status,
-        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
-        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1), commands=connection.commands,
-    )  # fmt: skip
-
-
-def ticks_of(scenario: Resolved) -> int:
-    """How many ticks the run has."""
-    return round(scenario.run.duration_s * scenario.loop.rate_hz)
+from plant.status import describe, facts, raise_if_lost
 
 
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
@@ -91,7 +38,9 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
     connection = open_link("plant", scenario.link, scenario.loop)
     try:
-        loop = make_loop(scenario, connection, recorder)
+        clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
+        reporting = noting(recorder, connection.link)
+        loop = make_loop(scenario, connection, reporting, make_pacer(scenario, clock))
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
         wait_for_controller(scenario, connection, stop, service)
@@ -134,35 +83,6 @@ def turn_until(loop: PlantLoop, ticks: int, stop: Stop, heart: Heart) -> int:
         if tick >= heart.next_tick:
             heart.beat(tick, loop.answered > 0, lambda: describe(loop))
     return tick
-
-
-def describe(loop: PlantLoop) -> str:
-    """How the plant is, in one line."""
-    state = loop.state
-    how = "safe state" if state.stale >= loop.params.stale_ticks else "controlled"
-    return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
-
-
-def raise_if_lost(loop: PlantLoop) -> None:
-    """A run that ended without its controller did not end well.
-
-    Raises: RunError
-    """
-    if loop.state.stale >= loop.params.stale_ticks:
-        if not loop.answered:
-            raise RunError("controller never answered")
-        raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")
-
-
-def facts(loop: PlantLoop, connection: Connection, ticks: int) -> dict[str, Any]:
-    """How it went, for the summary."""
-    return {
-        "ticks": ticks,
-        "answered": loop.answered,
-        "contacts": loop.state.contacts,
-        "reception": loop.decoder.counts()._asdict(),
-        "link": dict(connection.link.counters()),
-    }
 
 
 def main() -> int:

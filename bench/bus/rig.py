@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple, Protocol
 
 import controller.build
-import plant.main
+import plant.build
 from controller.mode.start_restart import Mode
 from drivers.can.link import CanLink, Times
 from drivers.channels import MemoryCommands, MemoryStatus
@@ -196,7 +196,7 @@ class Rig:
         self.links = {side: self._link(port) for side, port in ports.items()}
         pacer = RigPacer(self.clock, self.period_ns)
         self.tally = Tally()
-        self.plant = plant.main.make_loop(
+        self.plant = plant.build.make_loop(
             scenario, _connection(self.links["plant"]), self.tally, pacer
         )
         self.controller = controller.build.make_loop(

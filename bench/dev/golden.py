@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 
 import controller.build
-import plant.main
+import plant.build
 from bench.dev.golden_cases import CASES, Order, scenario_for
 from bench.logs.diff import Comparison, compare
 from bench.logs.replay.replay import replay_file
@@ -77,12 +77,12 @@ def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
             recorders[name] = open_recorder(out / f"{name}.mcap", scenario, name)
             stack.callback(recorders[name].close)
         plant_end, controller_end = open_memory()
-        loop = plant.main.make_loop(scenario, plant_end, recorders["plant"])
+        loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
         mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
         waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks:
             while waiting and waiting[-1].at_s * scenario.loop.rate_hz <= tick:
                 _give(waiting.pop(), (plant_end, controller_end))

@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.errors import ConfigError
-from plant.fmu.archive import Archive, library, open_archive
-from plant.fmu.binding import Bound
-from plant.fmu.contract import ALL
-from plant.fmu.unit import Unit
+from plant.engines.fmu.archive import Archive, library, open_archive
+from plant.engines.fmu.binding import Bound
+from plant.engines.fmu.contract import ALL
+from plant.engines.fmu.unit import Unit
 
 
 def check(file: Path, names: list[str]) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from plant.fmu.contract import BASE_UNITS, INPUT, ORIGIN, OUTPUT, PARAMETER, Variable
+from plant.engines.fmu.contract import BASE_UNITS, INPUT, ORIGIN, OUTPUT, PARAMETER, Variable
 
 _STEP_S: Final = "0.001"
 _STEPPED: Final = ("dc_t_s", "dc_x_m", "fuel_burnt_kg", "dead_centres", "contacts")

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from hil.config.detailed import Calibration
 from hil.config.plant import PlantConfig
-from plant.detailed import layout as at
-from plant.detailed.engine import Motion, at_rest, begin, engine_of
-from plant.detailed.kernel import electric_power
-from plant.detailed.settle import calibration_of, settle
-from plant.detailed.solver import advance, scratch
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Motion, at_rest, begin, engine_of
+from plant.engines.detailed.kernel import electric_power
+from plant.engines.detailed.settle import calibration_of, settle
+from plant.engines.detailed.solver import advance, scratch
 
 SYMBOL: Final = "fpeg_advance"
 _CPU: Final = {"x86_64": "x86-64", "aarch64": "generic"}
 _INDICES: Final = (
-    "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION", "DC_T", "DC_X",
-    "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P", "CYL_P_STRIDE", "SIGN",
-    "AREA", "LENGTH",
+    "TIME_UP", "FAILED", "X", "V", "U", "GAS_STRIDE", "LOAD", "FORCE", "LOAD_SCALE", "DIRECTION",
+    "DC_T", "DC_X", "CONTACTS", "CYL", "CYL_STRIDE", "SPARK_T", "Q_IN", "GAMMA", "CYL_P",
+    "CYL_P_STRIDE", "SIGN", "AREA", "LENGTH",
 )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ def header(config: PlantConfig) -> str:
         "CONSTANTS": engine.p, "PROGRAMME": engine.programme, "REST_Y": rest.y, "REST_D": rest.d,
         "SETTLED_Y": settled.y, "SETTLED_D": settled.d,
     }  # fmt: skip
-    lines = ["/* Written by the export: the engine's arrays (plant/detailed/layout.py). */"]
+    lines = ["/* Written by the export: the engine's arrays (plant/engines/detailed/layout.py). */"]
     lines += [f"#define {name} {value}" for name, value in numbers.items()]
     lines += ["#ifdef ENGINE_ARRAYS"]
     lines += [_array(name, values) for name, values in arrays.items()]

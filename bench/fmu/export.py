@@ -1,8 +1,8 @@
 """An engine of ours as a Functional Mock-up Unit: a binary, a description, and C sources.
 
-The sources of a fast-response model (plant/fmu/source) do what plant/step.py does, operation for
-operation; a detailed engine brings its compiled step (bench/fmu/detailed.py). The unit needs
-nothing at run time but the C library.
+The sources of a fast-response model (plant/engines/fmu/source) do what plant/engines/fast does,
+operation for operation; a detailed engine brings its compiled step (bench/fmu/detailed.py). The
+unit needs nothing at run time but the C library.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from typing import Final, NamedTuple
 from bench.fmu.description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
-from plant.fmu.archive import library
-from plant.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
-from plant.params import engine_of
+from plant.engines.fast import shared
+from plant.engines.fast.constants import constants_of
+from plant.engines.fmu.archive import library
+from plant.engines.fmu.contract import BEGINNING, INPUTS, OUTPUTS, PARAMETER, Variable
 
 MODELS: Final = (
     "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
@@ -86,7 +87,8 @@ def export(out: Path, model: str, prototype: str, version: int) -> Exported:
 
 
 def _fast(version: int) -> Ingredients:
-    return Ingredients(_read_sources("engine.c", version), {}, open=True)
+    sources = _read_sources("engine.c", version) | {"constants.h": shared.header()}
+    return Ingredients(sources, {}, open=True)
 
 
 def _detailed(config: PlantConfig, version: int) -> Ingredients:
@@ -119,7 +121,7 @@ def _entries(config: PlantConfig) -> list[Entry]:
 
 def _figures(config: PlantConfig) -> list[Variable]:
     """The figures of a fast-response engine, as parameters."""
-    engine = engine_of(config.resolved_prototype(), config.model, config.contact_restitution)
+    engine = constants_of(config.resolved_prototype(), config.model, config.contact_restitution)
     return [
         _own("moving_mass_kg", "kg", "moving mass", engine.mass_kg),
         _own("area_m2", "m2", "area of a piston", engine.area_m2),
@@ -180,7 +182,7 @@ def _defined(header: str, values: dict[str, str]) -> str:
 
 
 def _read_sources(engine: str, version: int) -> dict[str, str]:
-    folder = files("plant.fmu") / "source"
+    folder = files("plant.engines.fmu") / "source"
     names = ("engine.h", engine, "refused.c", f"fmi{version}.c")
     return {name: (folder / name).read_text(encoding="utf-8") for name in names}
 

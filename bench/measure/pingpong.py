@@ -176,7 +176,7 @@ def link_echo(scenario: Resolved, _out: Path) -> int:
 
 def loop_source(scenario: Resolved, out: Path) -> int:
     """Run a real plant; its link waits for each answer."""
-    from plant.main import make_loop
+    from plant.build import make_loop
 
     recorder = open_recorder(out.with_suffix(".mcap"), scenario, "plant")
     granted = prepare(scenario.realtime)

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 import controller.build
-import plant.main
+import plant.build
 from bench.measure.latency import machine
 from bench.run import scenarios
 from bench.run.resolve import resolve
@@ -123,7 +123,7 @@ def measure(ticks: int, watch: Stopwatch) -> float:
             open_recorder(Path(name) / f"{side}.mcap", scenario, side)
             for side in ("plant", "controller")
         ]
-        plant_loop = plant.main.make_loop(scenario, ends[0], logs[0])
+        plant_loop = plant.build.make_loop(scenario, ends[0], logs[0])
         answering = controller.build.make_loop(scenario, ends[1], logs[1])
         prepare(scenario.realtime)
         try:

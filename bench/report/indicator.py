@@ -20,16 +20,17 @@ from hil import snapshot
 from hil.config.plant import DETAILED_MODELS
 from hil.config.resolved import Resolved
 from hil.log import Log, Span
+from hil.values import replace
 from hil.wire.codec import Decoder
 from hil.wire.messages import ControllerTick
 from hil.wire.pulses import PulseOrder, may_fire, wrap_us
-from plant.detailed import layout as at
-from plant.machine import MachineOrder
-from plant.main import make_params
+from plant.build import make_params
+from plant.engines.detailed import layout as at
+from plant.engines.machine import MachineOrder
 from plant.memory import LoopMemory
-from plant.params import PlantParams
-from plant.state import Command, PlantState
-from plant.step import step
+from plant.rig.params import PlantParams
+from plant.rig.state import Command, PlantState
+from plant.rig.step import step
 
 _FINE_NS: Final = 100_000
 _LEAST_NS: Final = 350_000_000
@@ -51,7 +52,7 @@ class Cycle(NamedTuple):
     """The last whole cycle, and the figures of the last ones.
 
     volume_m3, p_pa : shape (2, samples), left and right cylinder
-    figures : plant.detailed.figures.Figures
+    figures : plant.engines.detailed.figures.Figures
     """
 
     t_s: Floats
@@ -87,8 +88,14 @@ def last_cycle(scenario: Resolved, files: RunFiles) -> tuple[Cycle | None, str]:
     return cycle, "" if cycle is not None else "the engine has no whole cycle at the end"
 
 
+def _engine(p: PlantParams) -> Any:  # noqa: ANN401
+    """The engine's arrays; its module needs a compiler and is loaded with the engine."""
+    engine: Any = p.engine
+    return engine.engine
+
+
 def _strokes_of_a_cycle(p: PlantParams) -> int:
-    return int(p.detailed.engine.programme.shape[0])  # type: ignore[union-attr]
+    return int(_engine(p).programme.shape[0])
 
 
 def _snapshot(log: Log, strokes: int) -> LoopMemory | None:
@@ -99,8 +106,7 @@ def _snapshot(log: Log, strokes: int) -> LoopMemory | None:
     records = list(log.records("/snapshot", near))
     if not records:
         return None
-    gas = snapshot.loads(LoopMemory, records[-1].state).state.gas
-    stroke_s = 0.0 if gas is None else gas.stroke_s
+    stroke_s = snapshot.loads(LoopMemory, records[-1].state).state.motion.inner.last_s
     span_ns = max(_LEAST_NS, round(_CYCLES_NEEDED * strokes * stroke_s * 1e9))
     early = [record for record in records if record.t_ns <= log.end_ns - span_ns]
     return snapshot.loads(LoopMemory, early[-1].state) if early else None
@@ -109,8 +115,8 @@ def _snapshot(log: Log, strokes: int) -> LoopMemory | None:
 def _run_again(p: PlantParams, s: PlantState, log: Log, span: Span) -> tuple[Fine, float]:
     """Step through the rest of the log; returns the motion, and how far off it is at most [m]."""
     parts = max(p.period_ns // _FINE_NS, 1)
-    fine = p._replace(
-        period_ns=p.period_ns // parts, dt_s=p.dt_s / parts, stale_ticks=p.stale_ticks * parts,
+    fine = replace(
+        p, period_ns=p.period_ns // parts, dt_s=p.dt_s / parts, stale_ticks=p.stale_ticks * parts,
         delay_ticks=0,
     )  # fmt: skip
     modes = _modes(log, span)
@@ -119,16 +125,16 @@ def _run_again(p: PlantParams, s: PlantState, log: Log, span: Span) -> tuple[Fin
         for row in log.array("/actuator", span)
     }
     truth = log.array("/truth", span)
-    s = s._replace(tick=s.tick * parts, waiting=())
+    s = replace(s, tick=s.tick * parts, waiting=())
     times, ys, ds, apart_m = [], [], [], 0.0
     for row in truth:
         apart_m = max(apart_m, abs(float(row["x_m"]) - s.x_m))
         command = orders.get(int(row["tick"]) - p.delay_ticks, Command())
         for part in range(parts):
-            assert s.gas is not None, "a detailed plant has gas"
+            inner = s.motion.inner
             times.append(s.tick * fine.period_ns * 1e-9)
-            ys.append(np.frombuffer(s.gas.y))
-            ds.append(np.frombuffer(s.gas.d))
+            ys.append(np.frombuffer(inner.y))
+            ds.append(np.frombuffer(inner.d))
             s, _ = step(fine, s, command if part == 0 else Command())
     return Fine(np.array(times), np.array(ys), np.array(ds)), apart_m
 
@@ -159,7 +165,7 @@ def _command(row: Any, mode: int) -> Command:  # noqa: ANN401
 
 def _cycle(p: PlantParams, fine: Fine) -> Cycle | None:
     """Cut out the last whole cycle and take the figures of the last ones."""
-    engine = p.detailed.engine  # type: ignore[union-attr]
+    engine = _engine(p)
     rows = _rows(fine)
     ends = np.flatnonzero(rows[:, at.REC_PHASE] == _strokes_of_a_cycle(p) - 1)
     if len(ends) < 2:
@@ -169,7 +175,7 @@ def _cycle(p: PlantParams, fine: Fine) -> Cycle | None:
     inside = slice(max(first - 1, 0), last + 1)  # from one side of each end, so that it closes
     y = fine.y[inside]
     volume, pressure = _gas(engine.p, y)
-    module = import_module("plant.detailed.figures")
+    module = import_module("plant.engines.detailed.figures")
     figures = module.figures(engine, _motion(engine, fine, rows), _CYCLES)
     fuel = at.SUM + at.Q_FUEL + at.SUM_STRIDE * np.array((0, 1))
     burning = int(np.count_nonzero(y[-1, fuel] > y[0, fuel])) or 2
@@ -210,7 +216,7 @@ def _gas(
 
 def _motion(engine: Any, fine: Fine, rows: NDArray[np.float64]) -> Any:  # noqa: ANN401
     """The rows as the record of an engine that was run by itself."""
-    module = import_module("plant.detailed.engine")
+    module = import_module("plant.engines.detailed.engine")
     record = np.zeros((module.RECORD_ROWS, at.N_REC))
     record[: len(rows)] = rows
     d = fine.d[-1].copy()

@@ -39,7 +39,7 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     Raises: ConfigError when the engine cannot run on what is given
     """
     plant = _with_prototype(scenario, tree["plant"])
-    from plant.detailed.settle import calibration_of
+    from plant.engines.detailed.settle import calibration_of
 
     c = calibration_of(plant)
     load = c.machine.load_coefficient_n_s_m
@@ -67,7 +67,7 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
 
 def _fill_preset(c: Calibration, control: dict[str, Any]) -> float:
     """Give the settled motion that the run begins with; returns how long the spark precedes it."""
-    from plant.detailed.settle import settle
+    from plant.engines.detailed.settle import settle
 
     load = control["supervisory"]["load_coefficient_n_s_m"]
     preset = control["preset"]

@@ -11,8 +11,8 @@ from hil.config.plant import PlantConfig
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.fmu.archive import Archive, open_archive
-from plant.fmu.unit import Unit
+from plant.engines.fmu.archive import Archive, open_archive
+from plant.engines.fmu.unit import Unit
 
 
 def is_unit(scenario: Scenario) -> bool:

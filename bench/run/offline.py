@@ -11,18 +11,17 @@ from typing import NamedTuple
 
 import controller.build
 import controller.step
-import plant.main
+import plant.build
 from controller.actuator import MAX_PULSES
 from controller.state import Inputs, Output
 from hil.config.resolved import Resolved
 from hil.wire.messages import PistonSample
 from hil.wire.pulses import PulseOrder, wrap_us
-from plant.events import Event
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.sensors import electric_power_w, sample
-from plant.state import Command, DeadCentre
-from plant.step import step
+from plant.engines.machine import MachineOrder
+from plant.rig.events import Event
+from plant.rig.state import Command, DeadCentre
+from plant.rig.step import step
+from plant.sensors import sample, sensed
 
 
 class Course(NamedTuple):
@@ -35,13 +34,8 @@ class Course(NamedTuple):
 
 def simulate(scenario: Resolved) -> Course:
     """Run a resolved scenario in lockstep."""
-    params = plant.main.make_params(scenario)
-    settled = scenario.begins == "settled"
-    state, events = initial_state(
-        params,
-        scenario.controller.preset.fuel_kg if settled else None,
-        scenario.controller.supervisory.load_coefficient_n_s_m,
-    )
+    params = plant.build.make_params(scenario)
+    state, events = plant.build.begin(scenario, params)
     law = controller.build.make_params(
         scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
     )
@@ -49,15 +43,17 @@ def simulate(scenario: Resolved) -> Course:
     schedule = controller.build.schedule_of(scenario)
     course = Course([], list(events), "")
     command: Command = Command()
-    for tick in range(plant.main.ticks_of(scenario)):
-        sensed = PistonSample(*sample(params, state))
-        power_w = math.nan if tick & 1 else float(round(electric_power_w(state)))
+    for tick in range(plant.build.ticks_of(scenario)):
+        seen = sample(params, state)
+        power_w = math.nan
+        if not tick & 1:
+            power_w = float(round(sensed(params, state).electric_power_w))
         before = state.dead_centre.number
         state, events = step(params, state, command)
         course.events.extend(events)
         if state.dead_centre.number != before:
             course.dead_centres.append(state.dead_centre)
-        inputs = Inputs(tick, sensed, schedule.get(tick), power_w)
+        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), schedule.get(tick), power_w)
         mind, output = controller.step.step(law, mind, inputs)
         command = _command_of(output)
     return course._replace(mode=mind.mode.name.lower())

@@ -14,8 +14,8 @@ from hil.config.prototypes import Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
-from plant.params import Engine, engine_of
+from plant.engines.fast.constants import Constants, constants_of
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
 
 _SLOPE_STEP = 0.01
 
@@ -62,14 +62,14 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
         tree["limits"]["tdc_m"] = prototype.position_limit_m
     if "fuel_max_kg" not in given.limits.model_fields_set:
         tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
-    engine = engine_of(prototype, scenario.plant.model)
+    engine = constants_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:
         tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
 
 
-def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load: float) -> None:
+def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:
     """Give the settled motion that the run begins with, or that the laws work about."""
     preset = tree["preset"]
     fuel_kg = preset["fuel_kg"]
@@ -89,7 +89,7 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Engine, load:
         preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
 
 
-def _settling_fuel(engine: Engine, fuel_kg: float, load: float) -> float | None:
+def _settling_fuel(engine: Constants, fuel_kg: float, load: float) -> float | None:
     """Return the fuel if the engine settles on it inside its stroke, else None.
 
     An open-loop run on any other fuel begins at the set point and goes where that fuel takes it.
@@ -101,7 +101,7 @@ def _settling_fuel(engine: Engine, fuel_kg: float, load: float) -> float | None:
     return fuel_kg if inside else None
 
 
-def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:
+def _fuel_per_speed(engine: Constants, fuel_kg: float, load: float) -> float:
     """Return the slope of the settled fuel over the settled mid-stroke speed [kg s/m]."""
     step_kg = _SLOPE_STEP * fuel_kg
     faster = limit_cycle(engine, fuel_kg + step_kg, load).v_mid_m_s
@@ -109,7 +109,7 @@ def _fuel_per_speed(engine: Engine, fuel_kg: float, load: float) -> float:
     return 2.0 * step_kg / (faster - slower)
 
 
-def _settled(scenario: Scenario, engine: Engine, fuel_kg: float, load: float) -> LimitCycle:
+def _settled(scenario: Scenario, engine: Constants, fuel_kg: float, load: float) -> LimitCycle:
     """Return the settled motion on that fuel; a run that begins in it must not strike a head."""
     cycle = limit_cycle(engine, fuel_kg, load)
     if scenario.begins == "settled" and cycle.tdc_m >= engine.contact_m:

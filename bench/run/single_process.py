@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import controller.build
-import plant.main
-from controller.follow import facts
+import plant.build
+from controller import follow
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import open_memory
@@ -21,6 +21,7 @@ from drivers.system.process import Stop, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
 from hil.config.resolved import Resolved, read_resolved
 from hil.ports import Link
+from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
 
@@ -38,8 +39,10 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         open_recorder(controller_log, scenario, "controller"),
     )
     try:
-        plant_loop = plant.main.make_loop(scenario, plant_end, recorders[0])
-        pacer = controller.build.make_pacer(scenario, SystemClock(scenario.realtime.spin_s))
+        clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
+        pacer = plant.build.make_pacer(scenario, clock)
+        plant_loop = plant.build.make_loop(scenario, plant_end, recorders[0], pacer)
+        pacer = controller.build.make_pacer(scenario, clock)
         controller_loop = controller.build.make_loop(scenario, controller_end, recorders[1], pacer)
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
@@ -48,7 +51,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
             end.status.on_publish = _tell_of(name)
         granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
         start_s = time.perf_counter()
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, plant.build.ticks_of(scenario)
         while tick < ticks and not stop.requested:
             tick = plant_loop.turn(tick)
         loop_s = time.perf_counter() - start_s
@@ -58,14 +61,14 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
                 closing.callback(recorder.close)
     last_words(
         {
-            "plant": plant.main.facts(plant_loop, plant_end, tick),
-            "controller": facts(controller_loop, controller_end.link),
+            "plant": facts(plant_loop, plant_end, tick),
+            "controller": follow.facts(controller_loop, controller_end.link),
             "granted": granted,
             "loop_s": loop_s,
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,
         }
     )
-    plant.main.raise_if_lost(plant_loop)
+    raise_if_lost(plant_loop)
     return 0
 
 

@@ -13,11 +13,11 @@ from typing import Literal, NamedTuple
 
 from bench.judge.response import Response
 from hil.errors import ConfigError
-from plant.combustion import Stroke, energy_j
-from plant.limit_cycle import fuel_for_tdc
-from plant.linear import NO_STOP
-from plant.models import advance, path_of
-from plant.params import Engine
+from plant.engines.fast.combustion import Burn, energy_j
+from plant.engines.fast.constants import Constants
+from plant.engines.fast.limit_cycle import fuel_for_tdc
+from plant.engines.fast.linear import NO_STOP
+from plant.engines.fast.paths import advance, path_of
 
 FUEL_RANGE_KG = (0.2e-6, 6.0e-6)
 """What an injector can give (thesis section 6.3 uses a narrower window for one case)."""
@@ -46,7 +46,7 @@ class _End(NamedTuple):
 
 
 def stroke_end(
-    engine: Engine, start_m: float, fuel_kg: float, loads: Sequence[LoadChange],
+    constants: Constants, start_m: float, fuel_kg: float, loads: Sequence[LoadChange],
     efficiency: float = 1.0,
 ) -> _End:  # fmt: skip
     """Move through one whole stroke from a dead centre, the load changing where it is told to.
@@ -54,13 +54,13 @@ def stroke_end(
     Parameters: loads : changes in order, at_s from this dead centre, the first at or before 0
     Raises: ConfigError when the stroke has no end
     """
-    energy = energy_j(engine, fuel_kg, efficiency)
-    stroke = Stroke(0, 1, 0, -start_m, fuel_kg, efficiency, energy)
+    energy = energy_j(constants, fuel_kg, efficiency)
+    burn = Burn(1, energy)
     x, v, tau, load_at_mid = -start_m, 0.0, 0.0, loads[0].load_n_s_m
     for change, following in zip(loads, (*loads[1:], LoadChange(_LONGEST_S, 0.0)), strict=True):
         if following.at_s <= tau:
             continue
-        path = path_of(engine, stroke, change.load_n_s_m, 0.0, x=x, v=v, tau=tau)
+        path = path_of(constants, burn, change.load_n_s_m, 0.0, x=x, v=v, tau=tau)
         while tau < following.at_s:
             part = min(_PART_S, following.at_s - tau)
             was = x
@@ -74,14 +74,14 @@ def stroke_end(
 
 
 def deadbeat_fuel(
-    engine: Engine, start_m: float, target_m: float, load_n_s_m: float,
+    constants: Constants, start_m: float, target_m: float, load_n_s_m: float,
     limits_kg: tuple[float, float] = FUEL_RANGE_KG,
 ) -> float:  # fmt: skip
     """The fuel whose stroke from `start_m` ends at `target_m`, or the limit nearest to it [kg]."""
     loads = (LoadChange(0.0, load_n_s_m),)
 
     def lack(fuel_kg: float) -> float:
-        return target_m - stroke_end(engine, start_m, fuel_kg, loads).tdc_m
+        return target_m - stroke_end(constants, start_m, fuel_kg, loads).tdc_m
 
     low, high = limits_kg
     lack_low, lack_high = lack(low), lack(high)
@@ -103,7 +103,7 @@ def deadbeat_fuel(
 
 
 def bound(
-    engine: Engine,
+    constants: Constants,
     tdc_ref_m: float,
     load_n_s_m: float,
     changes: Sequence[LoadChange],
@@ -121,15 +121,15 @@ def bound(
     combustions from the first stroke's on, 1 where there are no more, never known beforehand
     Raises: ConfigError when there is no settled motion to begin with
     """
-    fuel = fuel_for_tdc(engine, tdc_ref_m, load_n_s_m)
+    fuel = fuel_for_tdc(constants, tdc_ref_m, load_n_s_m)
     start, t, begun = tdc_ref_m, 0.0, changes[0].at_s if changes else 0.0
     times, errors, fuels = [], [], []
     for index in range(strokes):
         loads = _from(changes, load_n_s_m, t)
         eta = efficiencies[index] if index < len(efficiencies) else 1.0
-        end = stroke_end(engine, start, fuel, loads, eta)
+        end = stroke_end(constants, start, fuel, loads, eta)
         t += end.duration_s
-        fuel = _chosen(engine, knowledge, start, fuel, end, _from(changes, load_n_s_m, t),
+        fuel = _chosen(constants, knowledge, start, fuel, end, _from(changes, load_n_s_m, t),
                        tdc_ref_m, limits_kg)  # fmt: skip
         times.append(t - begun)
         errors.append((end.tdc_m - tdc_ref_m) * 1e3)
@@ -148,29 +148,29 @@ def _from(changes: Sequence[LoadChange], before: float, t: float) -> tuple[LoadC
 
 
 def _chosen(
-    engine: Engine, knowledge: Knowledge, start_m: float, fuel_kg: float, end: _End,
+    constants: Constants, knowledge: Knowledge, start_m: float, fuel_kg: float, end: _End,
     loads: Sequence[LoadChange], target_m: float, limits_kg: tuple[float, float],
 ) -> float:  # fmt: skip
     """The fuel for the stroke that begins at `end`, by what is known when it is chosen."""
     if knowledge == "none":
         return fuel_kg
     if knowledge == "full":
-        return deadbeat_fuel(engine, end.tdc_m, target_m, loads[0].load_n_s_m, limits_kg)
+        return deadbeat_fuel(constants, end.tdc_m, target_m, loads[0].load_n_s_m, limits_kg)
     believed = end.load_at_mid
     if believed == loads[0].load_n_s_m:
         reached = end.tdc_m
     else:
         # The load changes behind mid-stroke: until then all is as if it did not.
-        reached = stroke_end(engine, start_m, fuel_kg, (LoadChange(0.0, believed),)).tdc_m
-    return deadbeat_fuel(engine, reached, target_m, believed, limits_kg)
+        reached = stroke_end(constants, start_m, fuel_kg, (LoadChange(0.0, believed),)).tdc_m
+    return deadbeat_fuel(constants, reached, target_m, believed, limits_kg)
 
 
 def step_bound(
-    engine: Engine, tdc_ref_m: float, load_n_s_m: float, scale: float, fraction: float,
+    constants: Constants, tdc_ref_m: float, load_n_s_m: float, scale: float, fraction: float,
     knowledge: Knowledge = "full", strokes: int = 12,
 ) -> Response:  # fmt: skip
     """The bound after a load step at a fraction of the undisturbed stroke."""
-    fuel = fuel_for_tdc(engine, tdc_ref_m, load_n_s_m)
-    duration = stroke_end(engine, tdc_ref_m, fuel, (LoadChange(0.0, load_n_s_m),)).duration_s
+    fuel = fuel_for_tdc(constants, tdc_ref_m, load_n_s_m)
+    duration = stroke_end(constants, tdc_ref_m, fuel, (LoadChange(0.0, load_n_s_m),)).duration_s
     change = LoadChange(fraction * duration, scale * load_n_s_m)
-    return bound(engine, tdc_ref_m, load_n_s_m, (change,), knowledge=knowledge, strokes=strokes)
+    return bound(constants, tdc_ref_m, load_n_s_m, (change,), knowledge=knowledge, strokes=strokes)

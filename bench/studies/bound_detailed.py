@@ -15,11 +15,11 @@ from bench.judge.response import Response
 from bench.studies.bound import Informed
 from hil.config.detailed import Calibration
 from hil.errors import ConfigError
-from plant.detailed import layout as at
-from plant.detailed.engine import RECORD_ROWS, Engine, engine_of
-from plant.detailed.settle import settle
-from plant.detailed.solver import advance, scratch
-from plant.detailed.types import Array
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import RECORD_ROWS, Engine, engine_of
+from plant.engines.detailed.settle import settle
+from plant.engines.detailed.solver import advance, scratch
+from plant.engines.detailed.types import Array
 
 _RANGE: Final = (0.4, 1.8)
 """Of the energy of the settled charge: below it the engine stops, above it strikes a head."""

@@ -20,7 +20,7 @@ from hil.config.plant import LoadScaleEvent
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 MOMENTS = {"a": (0, 0.25), "b": (0, 0.75), "c": (1, 0.25), "d": (1, 0.75)}
 """Strokes after the event's own, and fraction of the stroke (thesis Fig 6.11)."""
@@ -186,12 +186,12 @@ def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | 
     ref_m = controller.tdc_ref_m or 0.0
     nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
     if plant.model in FAST_MODELS:
-        engine = engine_of(plant.resolved_prototype(), plant.model)
+        engine = constants_of(plant.resolved_prototype(), plant.model)
         return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
     if plant.model != "two-stroke":
         return None
     from bench.studies import bound_detailed
-    from plant.detailed.settle import calibration_of
+    from plant.engines.detailed.settle import calibration_of
 
     calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
     advance_s = controller.timing.spark_advance_s

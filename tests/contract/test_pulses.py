@@ -15,14 +15,15 @@ from drivers.gpio.process import EdgeDriver
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.pacing import RealTimePacer
+from hil.values import replace
 from hil.wire import pulses
 from hil.wire.codec import FRAME, Encoder
 from hil.wire.e2e import ReceptionCounts
 from hil.wire.messages import CHANNELS, OPERATING_MODES, ControllerTick, MachineCommand, Pulse
-from plant.actuation import Actuation
-from plant.initial import initial_state
+from plant.build import plant_params
 from plant.loop import PlantLoop
-from plant.params import plant_params
+from plant.rig.actuation import Actuation
+from plant.rig.beginning import initial_state
 
 US, MS = 1000, 1_000_000
 PERIOD_NS = MS
@@ -136,15 +137,15 @@ def of_the_plant(batches, ticks, decoder=None):
 
     params = plant_params(PlantConfig(), PERIOD_NS)
     state, _ = initial_state(params)
-    state = state._replace(
-        tick=ticks.start, pulses=Actuation(pulses.lines_for(len(CHANNELS)))
+    state = replace(
+        state, tick=ticks.start, pulses=Actuation(pulses.lines_for(len(CHANNELS)))
     )  # fmt: skip
     port, waiting = Port(), deque(batches)
     pacer = RealTimePacer(Clock(), PERIOD_NS)
     loop = PlantLoop(
         params, state, link=port, pacer=pacer, recorder=port, status=port, status_every=1000
     )  # fmt: skip
-    loop.decoder = decoder or loop.decoder
+    loop.answers.decoder = decoder or loop.answers.decoder
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pulses, "advance", watched)
         for tick in ticks:

@@ -8,10 +8,10 @@ from bench.judge.response import Response
 from bench.studies.bound import LoadChange, bound, deadbeat_fuel, step_bound, stroke_end
 from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError
-from plant.limit_cycle import fuel_for_tdc, limit_cycle
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 
-H, R = engine_of(NU, "harmonic"), engine_of(NU, "rectangular")
+H, R = constants_of(NU, "harmonic"), constants_of(NU, "rectangular")
 REF, LOAD = 0.0155, 810.0
 
 FULL = [
@@ -59,7 +59,7 @@ def test_without_control_the_error_goes_where_the_closed_form_says():
 @pytest.mark.parametrize("model", ["harmonic", "rectangular", "nonlinear"])
 @pytest.mark.parametrize("prototype", [NU, BIT])
 def test_deadbeat_fuel_of_the_settled_engine_is_its_steady_fuel(prototype, model):
-    engine = engine_of(prototype, model)
+    engine = constants_of(prototype, model)
     ref, load = prototype.tdc_ref_m, prototype.load_coefficient_n_s_m
     fuel = fuel_for_tdc(engine, ref, load)
     assert deadbeat_fuel(engine, ref, ref, load) == pytest.approx(fuel, rel=1e-5)

@@ -5,10 +5,10 @@ import pytest
 from pydantic import ValidationError
 
 from hil.config.detailed import Circuit, Dq, Machine, read
-from plant.detailed import layout as at
-from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
-from plant.detailed.figures import cycle_rows, settled
-from plant.detailed.machine import machine_force
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
+from plant.engines.detailed.figures import cycle_rows, settled
+from plant.engines.detailed.machine import machine_force
 
 FIRED = ("nu-two-stroke", "nu-four-stroke", "bit-running")
 OTHERS = ("gas-spring", "opposed", "mechanical-spring")

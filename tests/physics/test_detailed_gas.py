@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from hil.config.detailed import read
 from hil.config.prototypes import ENGINES
 from hil.errors import ConfigError
-from plant.detailed import layout as at
-from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
-from plant.detailed.gas import flow, heat_release, heat_to_wall
-from plant.detailed.kernel import case_pressure, pressure, rates
-from plant.detailed.solver import scratch
-from plant.detailed.steps import linearise, rosenbrock, valve_rate
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
+from plant.engines.detailed.gas import flow, heat_release, heat_to_wall
+from plant.engines.detailed.kernel import case_pressure, pressure, rates
+from plant.engines.detailed.solver import scratch
+from plant.engines.detailed.steps import linearise, rosenbrock, valve_rate
 
 ENGINE = engine_of(read("nu-two-stroke"))
 P = ENGINE.p

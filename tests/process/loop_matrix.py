@@ -14,13 +14,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from controller.motion.laws import LAWS
-
 import hil.log
 from bench.dev import golden
 from bench.fmu import export
 from bench.run import scenarios
 from bench.run.resolve import resolve
+from controller.motion.laws import LAWS
 from hil import compiled
 from hil.config.plant import FAULT_KINDS, OwnModel
 from hil.config.prototypes import PROTOTYPES

@@ -15,7 +15,7 @@ from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
 from drivers.recorder.client import NullRecorder
 from hil.wire.codec import pack_frame
-from plant.main import make_loop as make_plant
+from plant.build import make_loop as make_plant
 
 FEW, MANY = 20_000, 1_000_000
 

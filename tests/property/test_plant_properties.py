@@ -5,12 +5,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hil.config.plant import LoadScaleEvent, PlantConfig
+from hil.values import replace
 from hil.wire.pulses import INJECTOR, LONGEST_US, PulseOrder
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from plant.build import plant_params
+from plant.engines.machine import MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 FUEL = {"nonlinear": 1.95e-6}
@@ -83,7 +84,7 @@ def test_left_and_right_are_mirror_images(model, script):
     mirrored = [
         entry
         and (
-            entry[0] and entry[0]._replace(force_n=-entry[0].force_n),
+            entry[0] and replace(entry[0], force_n=-entry[0].force_n),
             [(SWAP[c] if 0 <= c < 4 else c, a, d) for c, a, d in entry[1]],
             entry[2],
         )

@@ -19,7 +19,7 @@ from hil.errors import ConfigError, LogError
 from hil.log import Span, topics
 from hil.log.records import Layout
 from hil.values import replace
-from plant import linear
+from plant.engines.fast import linear
 
 ALWAYS = Span()
 PROCESSES = ("plant", "controller")
@@ -89,7 +89,7 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
         x, v = original(path, tau)
         return (nudge(x) if calls == 333 else x), v
 
-    monkeypatch.setattr("plant.step.evaluate", nudged)
+    monkeypatch.setattr("plant.engines.fast.model.evaluate", nudged)
     outcome = replayed(run_directory / "plant.mcap")
     assert outcome.different == 1  # the closed form does not build on the position before
     (difference,) = [d for d in outcome.found.differences if d.topic == "/truth"]

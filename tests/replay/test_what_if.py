@@ -125,16 +125,16 @@ def test_the_command_draws_both_and_prints_both(run_directory, tmp_path, capsys)
 PORTS = {"_link", "_pacer", "_put", "_status", "_commands", "_schedule", "_initial_events"}
 TOLD_ONLY = {"_late_max_ns", "_finished"}  # goes into the status and nowhere else
 CODEC = {"_encoder", "decoder"}
-PARTS = {"reception"}  # which remember by themselves
+PARTS = {"reception", "answers"}  # which remember by themselves
 CONSTANT = {
     "params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap", "_period_ns",
 }  # fmt: skip
 
 
-def attributes_of(loop):
-    """What a loop holds by name; a compiled one has no `__dict__`."""
-    names = getattr(type(loop), "__mypyc_attrs__", None) or vars(loop)
-    return {name: getattr(loop, name) for name in names}
+def attributes_of(thing):
+    """What an object holds by name; a compiled one has no `__dict__`."""
+    names = getattr(type(thing), "__mypyc_attrs__", None) or vars(thing)
+    return {name: getattr(thing, name) for name in names}
 
 
 @pytest.mark.parametrize("kind", [ControllerLoop, PlantLoop])

@@ -18,11 +18,11 @@ from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import read
 from hil.errors import ConfigError
-from plant.initial import initial_state
-from plant.main import make_params
-from plant.sensors import electric_power_w
-from plant.state import Command
-from plant.step import step
+from plant.build import make_params
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
+from plant.sensors import sensed
 
 pytestmark = pytest.mark.slow
 
@@ -81,7 +81,7 @@ def test_a_unit_tells_the_power_that_our_plant_tells(model, prototype):
         told = []
         for _ in range(30):
             s, _ = step(p, s, Command())
-            told.append(electric_power_w(s))
+            told.append(sensed(p, s).electric_power_w)
         powers.append(told)
     assert powers[1] == pytest.approx(powers[0], rel=1e-6, abs=1e-6)
     assert max(map(abs, powers[0])) > 1.0

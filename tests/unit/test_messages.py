@@ -7,7 +7,7 @@ from controller.actuator import MAX_PULSES
 from controller.mode.start_restart import Mode
 from hil.wire import messages
 from hil.wire.fields import LAYOUTS
-from plant import machine
+from plant.engines import machine
 
 
 def test_a_tick_has_at_most_six_frames_in_both_directions_together():

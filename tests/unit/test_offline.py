@@ -3,13 +3,13 @@
 import pytest
 
 import controller.build
-import plant.main
+import plant.build
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from drivers.links import open_memory
 from drivers.recorder.client import NullRecorder
 from hil.config.load import build
-from plant.state import DeadCentre
+from plant.rig.state import DeadCentre
 
 
 def scenario(**tree):
@@ -20,12 +20,12 @@ def scenario(**tree):
 def over_the_wire(resolved):
     """Dead centres of both loops over a memory link."""
     plant_end, controller_end = open_memory()
-    plant_loop = plant.main.make_loop(resolved, plant_end, NullRecorder())
+    plant_loop = plant.build.make_loop(resolved, plant_end, NullRecorder())
     controller_loop = controller.build.make_loop(resolved, controller_end, NullRecorder())
     plant_end.link.on_send = lambda: controller_loop.turn(controller_end.link.receive())
     found: list[DeadCentre] = []
     tick = 0
-    while tick < plant.main.ticks_of(resolved):
+    while tick < plant.build.ticks_of(resolved):
         before = plant_loop.state.dead_centre.number
         tick = plant_loop.turn(tick)
         if plant_loop.state.dead_centre.number != before:

@@ -4,7 +4,7 @@ import pytest
 
 from hil.wire.messages import INJECTOR_LEFT, SPARK_RIGHT
 from hil.wire.pulses import PulseOrder, follow, lines_for
-from plant.actuation import Actuation, Injector, advance, fuel_until, scavenge, with_table
+from plant.rig.actuation import Actuation, Injector, advance, fuel_until, scavenge, with_table
 
 INJECTOR = Injector((1e-3, 2e-3), 800_000.0)
 US = 1000

@@ -1,11 +1,11 @@
 """Commands that act later than the wire's one tick."""
 
 from hil.config.plant import PlantConfig
-from plant.initial import initial_state
-from plant.machine import GENERATOR, MachineOrder
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from plant.build import plant_params
+from plant.engines.machine import GENERATOR, MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 
 def first_tick_with(delay_ticks, load):

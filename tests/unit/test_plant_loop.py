@@ -11,10 +11,10 @@ from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
 from hil.pacing import LockstepPacer, RealTimePacer
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.messages import ControllerTick, MachineCommand, Pulse
-from plant.initial import initial_state
+from plant.build import plant_params
 from plant.loop import PlantLoop
-from plant.main import raise_if_lost
-from plant.params import plant_params
+from plant.rig.beginning import initial_state
+from plant.status import raise_if_lost
 
 MS = 1_000_000
 FUEL = 2.8185e-6

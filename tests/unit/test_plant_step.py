@@ -9,11 +9,12 @@ from hil.config.prototypes import NU
 from hil.errors import ConfigError
 from hil.log import topics
 from hil.wire.pulses import PulseOrder
-from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, OFF, MachineOrder
-from plant.params import plant_params
-from plant.state import Command, truth
-from plant.step import step
+from plant.build import plant_params
+from plant.engines.machine import GENERATOR, MOTOR, OFF, MachineOrder
+from plant.log import truth
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 FUEL = 2.8185e-6
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
@@ -26,7 +27,7 @@ def params(model="harmonic", period_ns=1_000_000, events=None, **config):
 
 
 def settled(p):
-    return initial_state(p, STARTING_FUEL.get(p.engine.model, FUEL))[0]
+    return initial_state(p, STARTING_FUEL.get(p.engine.constants.model, FUEL))[0]
 
 
 def run(p, state, command, ticks):

@@ -8,14 +8,14 @@ from bench.studies.bound import LoadChange, stroke_end
 from controller.knowledge import OperatingPoint
 from controller.motion.calibration import calibrate
 from hil.config.prototypes import BIT, NU
-from plant.limit_cycle import fuel_for_tdc, limit_cycle
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 
 LOAD, REF = 810.0, 0.0155
 
 
 def point_of(prototype, model):
-    engine = engine_of(prototype, model)
+    engine = constants_of(prototype, model)
     ref, load = prototype.tdc_ref_m, prototype.load_coefficient_n_s_m
     fuel = fuel_for_tdc(engine, ref, load)
     cycle = limit_cycle(engine, fuel, load)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import controller.build
-import plant.main
+import plant.build
 import plant.memory
 from bench.logs.replay.ports import Player, PlayerLink
 from bench.logs.replay.turns import Turn
@@ -65,10 +65,10 @@ class ReplayedPlant:
     """The plant's own loop on recorded answers."""
 
     def __init__(self, scenario: Resolved) -> None:
-        patience_ns = plant.main.make_pacer(scenario).patience_ns
+        patience_ns = plant.build.patience_ns(scenario)
         self.player = player = Player(scenario.loop.period_ns, patience_ns)
         connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: PlantLoop = plant.main.make_loop(scenario, connection, player, player)
+        self.loop: PlantLoop = plant.build.make_loop(scenario, connection, player, player)
 
     @property
     def next_tick(self) -> int:

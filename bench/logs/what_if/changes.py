@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import plant.main
+import plant.build
 from hil.config.check import check
 from hil.config.load import parse_assignment, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
-from plant.params import PlantParams
-from plant.state import PlantState
+from plant.rig.params import PlantParams
+from plant.rig.state import PlantState
 
 _AS_COMMANDS = {
     "controller.tdc_ref_m": ("set-point", "tdc_ref_m"),
@@ -59,9 +59,9 @@ def changed(
     if duration_s is not None:
         tree = with_override(tree, "run.duration_s", duration_s)
     new = check(Resolved, tree, "--set")
-    params = plant.main.make_params(new)
-    _check_events(plant.main.make_params(scenario), params, state)
-    if plant.main.ticks_of(new) <= tick:
+    params = plant.build.make_params(new)
+    _check_events(plant.build.make_params(scenario), params, state)
+    if plant.build.ticks_of(new) <= tick:
         ends = new.run.duration_s
         raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
     return Changed(new, params, told, _notes(told))

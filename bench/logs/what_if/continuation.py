@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import controller.build
-import plant.main
+import plant.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
 from bench.logs.replay.turns import Turn, check_layouts, turns
@@ -100,7 +100,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
         wanted = changed(scenario, wish.assignments, wish.duration_s, tick, state)
     out = wish.out or _fresh(directory)
     _go_on(resumed, wanted, directory, out)
-    ticks = plant.main.ticks_of(wanted.scenario) - tick
+    ticks = plant.build.ticks_of(wanted.scenario) - tick
     return Told(directory, out, wanted.scenario, tick, ticks, resumed.notes + wanted.notes)
 
 
@@ -220,7 +220,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
             stack.callback(recorder.close)
             recorders[name] = recorder
         plant_loop = _closed(resumed, wanted, recorders)
-        tick, ticks = resumed.tick, plant.main.ticks_of(wanted.scenario)
+        tick, ticks = resumed.tick, plant.build.ticks_of(wanted.scenario)
         while tick < ticks:
             tick = plant_loop.turn(tick)
 
@@ -251,7 +251,7 @@ def _plant(resumed: Resumed, wanted: Changed, end: Connection, recorder: Recorde
     loop = PlantLoop(
         wanted.plant_params, memory.state, link=end.link, pacer=pacer, recorder=recorder,
         status=end.status, status_every=STATUS_NEVER,
-        snapshot_every=max(scenario.loop.rate_hz // plant.main.SNAPSHOT_HZ, 1),
+        snapshot_every=plant.build.snapshot_every(scenario),
     )  # fmt: skip
     loop.recall(memory)
     return loop

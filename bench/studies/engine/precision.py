@@ -1,6 +1,6 @@
 """Work against precision: the fixed-step solver at several steps, beside scipy's solvers.
 
-All integrate the same equations (plant.detailed.kernel.rates) with the same located events, from
+All integrate the same equations (kernel.rates of the plant) with the same located events, from
 the same settled dead centre. The reference is DOP853 with a relative tolerance of 1e-11.
 """
 
@@ -15,13 +15,13 @@ import numpy as np
 
 from hil.config.detailed import read
 from hil.errors import MissingExtraError, RunError
-from plant.detailed import layout as at
-from plant.detailed.engine import Engine, Motion, begin, engine_of, strokes
-from plant.detailed.kernel import pressure, rates
-from plant.detailed.settle import settle
-from plant.detailed.solver import advance, contact_position, due_position, happen, scratch
-from plant.detailed.solver import pressure_rate as slope_of_pressure
-from plant.detailed.types import Array
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Engine, Motion, begin, engine_of, strokes
+from plant.engines.detailed.kernel import pressure, rates
+from plant.engines.detailed.settle import settle
+from plant.engines.detailed.solver import advance, contact_position, due_position, happen, scratch
+from plant.engines.detailed.solver import pressure_rate as slope_of_pressure
+from plant.engines.detailed.types import Array
 
 Rates = Callable[[float, Array], Array]
 Crossing = Callable[[float, Array], float]

@@ -11,11 +11,11 @@ from bench.studies.engine.trace import Trace, cycle
 from hil.config.detailed import Calibration, read
 from hil.config.prototypes import NU
 from hil.errors import ConfigError, HilError
-from plant.detailed import layout as at
-from plant.detailed.engine import Engine, Motion, engine_of
-from plant.detailed.figures import Figures, figures, settled
-from plant.limit_cycle import fuel_curve
-from plant.params import engine_of as fast_engine_of
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Engine, Motion, engine_of
+from plant.engines.detailed.figures import Figures, figures, settled
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_curve
 
 _FORCES = ("motor_1_n", "motor_2_n", "motor_3_n")
 
@@ -130,5 +130,5 @@ def fuel_study(changes: tuple[float, ...] = FUEL_CHANGES) -> list[tuple[float, f
     X = F0 / (c omega_n), n = 60 omega_n / 2 pi     (thesis eqs. 6.1 and 6.2)
     """
     fuels_kg = [NU.fixed_fuel_kg * (1.0 + change) for change in changes]
-    curve = fuel_curve(fast_engine_of(NU, "harmonic"), fuels_kg, NU.load_coefficient_n_s_m)
+    curve = fuel_curve(constants_of(NU, "harmonic"), fuels_kg, NU.load_coefficient_n_s_m)
     return list(zip(changes, curve.tdc_m, curve.speed_rpm, strict=True))

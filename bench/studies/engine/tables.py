@@ -9,9 +9,17 @@ import numpy as np
 
 from hil.config.detailed import Calibration, read
 from hil.errors import RunError
-from plant.detailed import layout as at
-from plant.detailed.engine import Engine, Motion, at_rest, begin, engine_of, run_for, strokes
-from plant.detailed.figures import Figures, figures, settled
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import (
+    Engine,
+    Motion,
+    at_rest,
+    begin,
+    engine_of,
+    run_for,
+    strokes,
+)
+from plant.engines.detailed.figures import Figures, figures, settled
 
 _BAR = 1e5
 _RISING_BAR = 10.0

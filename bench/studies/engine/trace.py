@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hil.errors import RunError
-from plant.detailed import layout as at
-from plant.detailed.engine import Engine, Motion
-from plant.detailed.kernel import pressure
-from plant.detailed.solver import advance, scratch
-from plant.detailed.types import Array
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import Engine, Motion
+from plant.engines.detailed.kernel import pressure
+from plant.engines.detailed.solver import advance, scratch
+from plant.engines.detailed.types import Array
 
 _SAMPLE_S = 5.0e-5
 _LONGEST_S = 2.0
