@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import controller.build
+import controller.follow
 import plant.build
-from controller import follow
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import open_memory
@@ -42,7 +42,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
         pacer = plant.build.make_pacer(scenario, clock)
         plant_loop = plant.build.make_loop(scenario, plant_end, recorders[0], pacer)
-        pacer = controller.build.make_pacer(scenario, clock)
+        pacer = controller.build.make_pacer(scenario, SystemClock(scenario.realtime.spin_s))
         controller_loop = controller.build.make_loop(scenario, controller_end, recorders[1], pacer)
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
@@ -62,7 +62,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
     last_words(
         {
             "plant": facts(plant_loop, plant_end, tick),
-            "controller": follow.facts(controller_loop, controller_end.link),
+            "controller": controller.follow.facts(controller_loop, controller_end.link),
             "granted": granted,
             "loop_s": loop_s,
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,

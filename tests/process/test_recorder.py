@@ -55,7 +55,7 @@ RECORDS_A_TICK = 6
 WRITER = """
 import mmap, sys, pathlib, os
 sys.path[:0] = {paths!r}
-from drivers.recorder import Recorder
+from drivers.recorder.client import Recorder
 from test_recorder import tick_records
 count = memoryview(mmap.mmap(int(sys.argv[2]), 4096)).cast("Q")
 recorder = Recorder.open(pathlib.Path(sys.argv[1]), {{"run": {{}}}}, blocking=True)

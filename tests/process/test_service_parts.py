@@ -267,7 +267,7 @@ def test_a_log_directory_that_is_none_is_named(tmp_path: Path) -> None:
 
 CHURN = """
 import sys
-from hil import realtime
+from drivers.system import realtime
 if sys.argv[1] == "reserved":
     realtime._reserve_memory()
 before = sum(realtime.page_faults())

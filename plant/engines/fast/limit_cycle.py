@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from hil.errors import ConfigError
+from hil.roots import bisect
 from plant.engines.fast.combustion import Burn, energy_j, force_n, sine_force_n, stiffness_n_m
 from plant.engines.fast.constants import Constants
 from plant.engines.fast.linear import DEAD_CENTRE, NO_STOP
 from plant.engines.fast.nonlinear import CONTACT_GAP_M, GasPath, advance
 from plant.engines.fast.paths import CLOSED_FORM, HARMONIC, NONLINEAR, RECTANGULAR, gas_path
-from plant.engines.fast.roots import bisect
 
 _SCAN = 64
 _FUEL_RANGE_KG = (1.0e-8, 1.0e-4)

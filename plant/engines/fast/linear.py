@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import Final, final
 
+from hil.roots import falling_zero
 from hil.values import Value
-from plant.engines.fast.roots import falling_zero
 
 NO_STOP: Final = 0
 DEAD_CENTRE: Final = 1

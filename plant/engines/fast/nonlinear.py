@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from hil.roots import falling_zero
 from hil.values import Value
 from plant.engines.fast.linear import CONTACT, DEAD_CENTRE, NO_STOP
-from plant.engines.fast.roots import falling_zero
 
 # The gas force is unbounded at the head itself, so the piston counts as touching it here.
 CONTACT_GAP_M: Final = 1.0e-4

@@ -5,7 +5,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from plant.engines.fast import linear, model, nonlinear, roots
+from hil import roots
+from plant.engines.fast import linear, model, nonlinear
 
 _SHARED: Final[tuple[tuple[ModuleType, tuple[str, ...]], ...]] = (
     (linear, (
