@@ -100,7 +100,7 @@ def _responses(found: Comparison, load: float) -> Figure:
     for axes, moment in zip(panels, ("a", "b"), strict=True):
         for law in found.laws:
             cell = found.cells[law, load, moment]
-            _line(axes, cell.response.times_s, cell.response.errors_mm, _colour(law), law)
+            _line(axes, cell.response.times_s, cell.response.errors_mm, colour_of(law), law)
         _bound_line(axes, found.bounds.get((load, moment, "full")))
         _dress(axes, f"Load {100 * (load - 1):+.0f} % at moment {moment}")
     panels[0].legend(loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
@@ -115,7 +115,7 @@ def _fuel(found: Comparison, load: float) -> Figure:
     figure, (axes,) = canvas(WIDE, 3.8)
     for law in found.laws:
         cell = found.cells[law, load, "a"]
-        _line(axes, cell.response.times_s, cell.fuel_mg, _colour(law), law)
+        _line(axes, cell.response.times_s, cell.fuel_mg, colour_of(law), law)
     bound = found.bounds.get((load, "a", "full"))
     if bound is not None:
         _line(axes, bound.times_s, [1e6 * m for m in bound.fuel_kg], BOUND, "bound")
@@ -133,7 +133,7 @@ def _moments(found: Comparison, law: str, load: float) -> Figure:
 
     figure, (axes,) = canvas(2.0 * HALF, 3.4)
     styles = {"a": "-", "b": "-", "c": "--", "d": "--"}
-    colours = {"a": _colour(law), "b": BOUND, "c": "#d9730d", "d": "#3d4451"}
+    colours = {"a": colour_of(law), "b": BOUND, "c": "#d9730d", "d": "#3d4451"}
     for moment in MOMENTS:
         response = found.cells[law, load, moment].response
         axes.plot([1e3 * t for t in response.times_s], response.errors_mm, styles[moment],
@@ -144,7 +144,7 @@ def _moments(found: Comparison, law: str, load: float) -> Figure:
     return figure
 
 
-def _colour(law: str) -> str:
+def colour_of(law: str) -> str:
     """A law's colour is that of its row among the laws, in every picture."""
     controlled = [name for name in LAWS if name != NO_CONTROL]
     if law == NO_CONTROL:
