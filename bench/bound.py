@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
+from bench.settled import BAND_MM
 from hil.errors import ConfigError
 from plant.combustion import Stroke, energy_j
 from plant.limit_cycle import fuel_for_tdc
@@ -18,7 +19,6 @@ from plant.linear import NO_STOP
 from plant.models import advance, path_of
 from plant.params import Engine
 
-BAND_MM = 0.1
 FUEL_RANGE_KG = (0.2e-6, 6.0e-6)
 """What an injector can give (thesis section 6.3 uses a narrower window for one case)."""
 

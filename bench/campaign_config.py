@@ -5,24 +5,24 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from bench import scenarios
 from bench.resolve import resolve
-from hil.config.base import Section, read_toml
+from hil.config.base import OneOf, Section, Tree, read_toml
 from hil.config.controller import ControllerName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
-from hil.prototypes import PROTOTYPES
+from hil.prototypes import DEFAULT, PROTOTYPES
 
 PACKAGED = Path(__file__).with_name("campaigns")
 
-Tree = dict[str, Any]
+TwoChambers = Annotated[str, OneOf(e.name for e in PROTOTYPES.values() if e.chambers == 2)]
 Scalar = bool | int | float | str
 
 
@@ -77,7 +77,7 @@ class Campaign(Section):
     duration_s: float = Field(default=5.0, gt=0.0, le=3600.0)
     controllers: tuple[ControllerName, ...] = ("cascade",)
     models: tuple[Model, ...] = ("harmonic",)
-    prototypes: tuple[Literal["nu", "bit"], ...] = ("nu",)
+    prototypes: tuple[TwoChambers, ...] = (DEFAULT.name,)
     load: LoadSpread = LoadSpread()
     misfires: MisfireSpread | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from bench import bench_cli, bus_cli, control_cli, engine_cli, fmu_cli, status_cli
 from bench.log_cli import register as register_logs
+from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
     name="hil",
@@ -20,9 +21,6 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-Link = Literal["zenoh", "can", "memory", "shm"]
-ClockName = Literal["lockstep", "realtime"]
 
 
 def _show_version(wanted: bool) -> None:
@@ -50,7 +48,9 @@ def run(
         str, typer.Argument(help="Name (see `hil scenarios`) or a path to a .toml file.")
     ],
     *,
-    link: Annotated[Link | None, typer.Option(help="How plant and controller are joined.")] = None,
+    link: Annotated[
+        LinkName | None, typer.Option(help="How plant and controller are joined.")
+    ] = None,
     bus: Annotated[
         str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
     ] = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from bench.bound import Bound
 from bench.compare import MOMENTS, NO_CONTROL, Cell, Comparison
 from bench.report_page import STYLE
+from bench.settled import BAND_MM
 from hil.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ COLOURS = {
     "observer": "#7a4fa3", "machine": "#2a9d6f", NO_CONTROL: "#b9c0ca",
 }  # fmt: skip
 BOUND, BAND = "#c0392b", "#2a9d6f"
-_BAND_MM = 0.1
 _SHOWN_S = 0.35
 
 
@@ -158,7 +158,7 @@ def _bound_line(axes: Axes, bound: Bound | None) -> None:
 
 
 def _dress(axes: Axes, title: str) -> None:
-    axes.axhspan(-_BAND_MM, _BAND_MM, color=BAND, alpha=0.16, lw=0)
+    axes.axhspan(-BAND_MM, BAND_MM, color=BAND, alpha=0.16, lw=0)
     axes.set_xlim(0.0, 1e3 * _SHOWN_S)
     axes.set_title(title)
     axes.set_ylabel("TDC error  [mm]")

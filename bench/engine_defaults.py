@@ -8,7 +8,7 @@ from hil.config.detailed import Calibration
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.prototypes import PROTOTYPES
+from hil.prototypes import PROTOTYPES, engine_with
 
 _FIRES = {
     ("two-stroke", "left"): (False, True),
@@ -113,12 +113,12 @@ def _fill_unfired(
 
 
 def _with_prototype(scenario: Scenario, tree: dict[str, Any]) -> PlantConfig:
-    """Return the plant's configuration; starting is a model of the Beijing engine."""
+    """Return the plant's configuration with an engine that has such a model."""
     plant = scenario.plant
-    if plant.model == "starting" and "prototype" not in plant.model_fields_set:
-        tree["prototype"] = "bit"
-        return plant.model_copy(update={"prototype": "bit"})
-    return plant
+    if "prototype" in plant.model_fields_set:
+        return plant
+    tree["prototype"] = engine_with(plant.model)
+    return plant.model_copy(update={"prototype": tree["prototype"]})
 
 
 def _fill_injectors(scenario: Scenario, tree: dict[str, Any], flow_kg_s: float) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from bench.happenings import Happenings, Instant, instants, read_happenings
 from bench.outdir import RunFiles
+from bench.settled import BAND_M, BAND_MM
 from bench.strokes import (
     Strokes,
     Truth,
@@ -23,7 +24,6 @@ from hil.config.resolved import Resolved
 from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
-BAND_M = 0.1e-3
 """Width of the band about the set point in which the engine counts as settled (thesis 6.3)."""
 
 _FINAL_STROKES = 10
@@ -170,7 +170,7 @@ def after(strokes: Strokes, event_ns: int) -> Figures:
     return {
         "tdc_error_peak_mm": None if peak is None else peak * 1e3,
         "settling_s": None if settling is None else settling * 1e-9,
-        "settling_band_mm": BAND_M * 1e3,
+        "settling_band_mm": BAND_MM,
     }
 
 

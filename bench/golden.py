@@ -108,7 +108,7 @@ def record(scenario: Resolved, out: Path) -> None:
         )
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
-        tick, ticks = 0, plant.main.ticks_of(scenario)
+        tick, ticks = 0, scenario.ticks
         while tick < ticks:
             tick = loop.turn(tick)
 

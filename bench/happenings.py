@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from hil import topics
 from hil.config.resolved import Resolved
 from hil.config.scenario import OperatorEvent
 from hil.log import Log
 
-SEVERITIES = ("info", "warning", "fault")
 _MAX_KEPT = 2000
 
 
@@ -51,7 +51,7 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
                 left_out += 1
                 continue
             kept += 1
-            severity = SEVERITIES[min(record.severity, len(SEVERITIES) - 1)]
+            severity = topics.SEVERITIES[min(record.severity, topics.FAULT)]
             lines.append(Happening(record.t_ns, source, severity, record.code, record.text))
     return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
 

@@ -15,7 +15,7 @@ import plant.main
 from controller import state as control
 from controller.actuator import MAX_PULSES
 from hil.config.resolved import Resolved
-from hil.messages import PULSE_CLOCK_US, PistonSample
+from hil.messages import ELECTRIC_POWER, PULSE_CLOCK_US, SLOW_ORDER, PistonSample
 from plant.actuation import PulseOrder
 from plant.events import Event
 from plant.initial import initial_state
@@ -49,9 +49,10 @@ def simulate(scenario: Resolved) -> Course:
     schedule = controller.main.schedule_of(scenario)
     course = Course([], list(events), "")
     command: Command = Command()
-    for tick in range(plant.main.ticks_of(scenario)):
+    for tick in range(scenario.ticks):
         sensed = PistonSample(*sample(params, state))
-        power_w = math.nan if tick & 1 else float(round(electric_power_w(state)))
+        carried = SLOW_ORDER[tick % len(SLOW_ORDER)] == ELECTRIC_POWER
+        power_w = float(round(electric_power_w(state))) if carried else math.nan
         before = state.dead_centre.number
         state, events = step(params, state, command)
         course.events.extend(events)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.figures import BAND_M, RunData, after, main_instant
+from bench.figures import RunData, after, main_instant
 from bench.plot_style import (
     AFTER,
     BAND,
@@ -23,14 +23,13 @@ from bench.plot_style import (
     event_marks,
     mark_events,
 )
+from bench.settled import BAND_MM
 from bench.strokes import Floats
 from bench.traces import Traces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_BAND_MM = BAND_M * 1e3
 
 
 def overview(data: RunData, traces: Traces) -> Figure:
@@ -50,7 +49,7 @@ def _draw_position(axes: Axes, data: RunData, traces: Traces) -> None:
     axes.plot(strokes.t_s[shown], strokes.x_m[shown] * 1e3, "o", color=MOTION, markersize=3.6,
               label="dead centres")  # fmt: skip
     for side in (-1.0, 1.0):
-        band(axes, side * ref_mm, _BAND_MM)
+        band(axes, side * ref_mm, BAND_MM)
         axes.axhline(side * head_mm, color=WANTED, linewidth=1.4)
     axes.annotate("cylinder heads", (0.995, head_mm), xycoords=("axes fraction", "data"),
                   xytext=(0, -3), textcoords="offset points", ha="right", va="top",
@@ -67,8 +66,8 @@ def _draw_tdc(axes: Axes, data: RunData) -> None:
     strokes = data.strokes
     t_s, tdc_mm = strokes.t_s, strokes.tdc_m * 1e3
     ref_mm = strokes.tdc_ref_m * 1e3
-    axes.fill_between(t_s, ref_mm - _BAND_MM, ref_mm + _BAND_MM, color=BAND, alpha=0.16, lw=0,
-                      step="mid", label=f"± {_BAND_MM:g} mm")  # fmt: skip
+    axes.fill_between(t_s, ref_mm - BAND_MM, ref_mm + BAND_MM, color=BAND, alpha=0.16, lw=0,
+                      step="mid", label=f"± {BAND_MM:g} mm")  # fmt: skip
     axes.step(t_s, ref_mm, where="mid", color=WANTED, linewidth=0.9, linestyle=(0, (5, 3)),
               label="set point")  # fmt: skip
     axes.plot(t_s, tdc_mm, color=MOTION, linewidth=0.8, alpha=0.55)
@@ -100,7 +99,7 @@ def tdc_error(data: RunData) -> Figure | None:
     axes.vlines(t_ms, 0.0, error_mm, color=MOTION, linewidth=1.0, alpha=0.6)
     sides = np.where(strokes.x_m[shown] < 0.0, LEFT, RIGHT)
     axes.scatter(t_ms, error_mm, c=sides, s=18, zorder=3)
-    band(axes, 0.0, _BAND_MM)
+    band(axes, 0.0, BAND_MM)
     axes.set_xlim(-150.0, high)
     axes.margins(y=0.18)
     _annotate_response(axes, t_ms, error_mm, found["tdc_error_peak_mm"], settling_ms)

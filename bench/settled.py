@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-BAND_MM = 0.1
+BAND_M = 0.1e-3
+"""A dead centre this close to its set point has settled."""
+BAND_MM = BAND_M * 1e3
 MEAN_OF = 10
 """Strokes whose mean has to lie in the band, where single strokes scatter."""
 

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 from bench.offline import Course, simulate
 from bench.resolve import resolve
 from bench.scenarios import find
+from bench.settled import BAND_MM
 from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
-BAND_MM = 0.1
 MODELS = ("harmonic", "rectangular")
 LOADS = (0.85, 1.15)
 FRACTIONS = (0.25, 0.75)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import controller.main
-import plant.main
 from bench.outdir import RunFiles
 from bench.replay import make, process_of, scenario_of
 from bench.replay_loops import ReplayedController, ReplayedPlant
@@ -30,11 +29,9 @@ from hil import snapshot, topics
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
 from hil.log import Log, Span
-from hil.pacing import LockstepPacer
+from hil.pacing import NEVER, LockstepPacer
 from hil.ports import Recorder
 from plant.loop import PlantLoop
-
-STATUS_NEVER = 1 << 62
 
 Loop = ReplayedPlant | ReplayedController
 
@@ -100,7 +97,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
         wanted = changed(scenario, wish.assignments, wish.duration_s, tick, state)
     out = wish.out or _fresh(directory)
     _go_on(resumed, wanted, directory, out)
-    ticks = plant.main.ticks_of(wanted.scenario) - tick
+    ticks = wanted.scenario.ticks - tick
     return Told(directory, out, wanted.scenario, tick, ticks, resumed.notes + wanted.notes)
 
 
@@ -220,7 +217,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
             stack.callback(recorder.close)
             recorders[name] = recorder
         plant_loop = _closed(resumed, wanted, recorders)
-        tick, ticks = resumed.tick, plant.main.ticks_of(wanted.scenario)
+        tick, ticks = resumed.tick, wanted.scenario.ticks
         while tick < ticks:
             tick = plant_loop.turn(tick)
 
@@ -250,8 +247,8 @@ def _plant(resumed: Resumed, wanted: Changed, end: Connection, recorder: Recorde
     memory = resumed.plant.loop.remember()
     loop = PlantLoop(
         wanted.plant_params, memory.state, link=end.link, pacer=pacer, recorder=recorder,
-        status=end.status, status_every=STATUS_NEVER,
-        snapshot_every=max(scenario.loop.rate_hz // plant.main.SNAPSHOT_HZ, 1),
+        status=end.status, status_every=NEVER,
+        snapshot_every=scenario.loop.snapshot_every,
     )  # fmt: skip
     loop.recall(memory)
     return loop

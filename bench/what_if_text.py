@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.settled import BAND_M
 from bench.strokes import Strokes, read_truth, set_points, settling_ns
 from bench.what_if import Told
 from hil import log as logs
@@ -17,7 +18,6 @@ from hil.log import Log, Span
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BAND_M = 0.1e-3
 _BEFORE_S, _AFTER_S = 0.06, 0.20
 
 
@@ -68,7 +68,7 @@ def _last(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
 
 
 def _settled(strokes: Strokes, start_ns: int) -> str:
-    found = settling_ns(strokes, start_ns, _BAND_M)
+    found = settling_ns(strokes, start_ns, BAND_M)
     return "not" if found is None else f"{found * 1e-6:.1f}"
 
 

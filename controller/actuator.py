@@ -16,8 +16,9 @@ from hil.messages import (
     Message,
     Pulse,
 )
+from hil.signals import layout_of
 
-MAX_PULSES = 2
+MAX_PULSES = layout_of(Pulse).per_tick
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
 
 

@@ -20,7 +20,7 @@ from hil.codec import Decoder, Encoder
 from hil.e2e import MAX_DELTA
 from hil.errors import ConfigError
 from hil.messages import PistonSample, PlantTick
-from hil.pacing import Pacer
+from hil.pacing import NEVER, Pacer
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
 
@@ -33,7 +33,6 @@ _PADDING: Final = (PlannedPulse(0, 0, 0),) * MAX_LOGGED
 _PACK_TICK: Final = together(topics.SENSOR, topics.ACTUATOR, topics.TIMING)
 _COMMAND_EVERY: Final = 10
 _TICK_MODULO: Final = 1 << 32
-_NEVER: Final = 1 << 62
 _FAULT_MODES: Final = (Mode.SAFE,)
 _LARGEST_GAP_NS: Final = 60_000_000_000
 """A tick further ahead than this is no plant's that was only away for a while."""
@@ -77,7 +76,7 @@ class ControllerLoop:
         self.out_of_step = self.implausible = 0  # samples that were intact and not used
         self._credence = CLEAR
         self._silent_turns = 0
-        self._snapshot_every = snapshot_every or _NEVER
+        self._snapshot_every = snapshot_every or NEVER
         self._demand = state.demand
         self._heard = b""
         self._largest_gap = _LARGEST_GAP_NS // params.period_ns

@@ -24,18 +24,16 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Service
+from drivers.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.scenario import OperatorEvent
 from hil.errors import RunError
 from hil.exchange import await_batch
-from hil.pacing import LockstepPacer, Pacer, RealTimePacer
+from hil.pacing import NEVER, LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
 from hil.realtime import pin, prepare
 
-STATUS_HZ = 10
-SNAPSHOT_HZ = 4
 SAMPLE_PATIENCE_PERIODS = 1.5
 """How long a sample may be late before its tick is stepped without it."""
 
@@ -80,9 +78,9 @@ def make_loop(
         params, initial_state(params), link=connection.link, pacer=pacer,
         recorder=noting(recorder, connection.link), status=connection.status,
         commands=connection.commands, schedule=schedule_of(scenario),
-        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
+        status_every=scenario.loop.status_every,
         peer_timeout_s=scenario.loop.peer_timeout_s,
-        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1),
+        snapshot_every=scenario.loop.snapshot_every,
     )  # fmt: skip
 
 
@@ -111,11 +109,11 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         if service is not None:
             service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
-            follow_in_real_time(loop, connection, pacer.patience_ns, ENDLESS, stop, duty)
+            follow_in_real_time(loop, connection, pacer.patience_ns, NEVER, stop, duty)
         else:
             connection.link.wait_for_peer(scenario.loop.peer_timeout_s)
             effort = Effort(recorder)
-            last_tick = round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
+            last_tick = scenario.ticks - 1
             drive = follow_in_real_time if scenario.loop.clock == "realtime" else follow_in_lockstep
             drive(loop, connection, pacer.patience_ns, last_tick, stop)
         last_words({**facts(loop, connection), "granted": granted, **effort.told()})

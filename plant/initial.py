@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from hil.errors import ConfigError
+from hil.messages import GENERATOR
 from plant.actuation import PulseTable
 from plant.combustion import Stroke
 from plant.disturbances import Disturbances, Held
 from plant.events import Event
 from plant.limit_cycle import limit_cycle
-from plant.machine import GENERATOR, IDLE, MachineOrder, obey
+from plant.machine import IDLE, MachineOrder, obey
 from plant.models import path_of
 from plant.params import PlantParams
 from plant.state import DeadCentre, PlantState

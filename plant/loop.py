@@ -13,9 +13,12 @@ from hil.e2e import MAX_DELTA
 from hil.errors import ConfigError
 from hil.exchange import await_batch
 from hil.messages import (
+    ELECTRIC_POWER,
     FIRING_MODES,
+    P_LEFT,
+    P_RIGHT,
     PULSE_CLOCK_US,
-    SLOW_SIGNALS,
+    SLOW_ORDER,
     ControllerTick,
     MachineCommand,
     Message,
@@ -23,7 +26,7 @@ from hil.messages import (
     PlantTick,
     Pulse,
 )
-from hil.pacing import Pacer, Slot
+from hil.pacing import NEVER, Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.records import together
 from hil.signals import most_of
@@ -39,9 +42,6 @@ from plant.state import Command, PlantState, truth
 from plant.step import step
 
 _NAN: Final = float("nan")
-_NEVER: Final = 1 << 62
-_POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
-_SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
 _NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durations
 _PADDING: Final = ((0, 0, 0),) * 4
 _PACK_TICK: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING)
@@ -116,7 +116,7 @@ class PlantLoop:
         # Commands repeat for many ticks: what they come to is worked out when they change.
         self._said: tuple[MachineCommand | None, list[Pulse], int] = (None, [], -1)
         self._command = Command()
-        self._snapshot_every = snapshot_every or _NEVER
+        self._snapshot_every = snapshot_every or NEVER
         self._commands = commands
         self._heard = b""
         self._ordered_faults: tuple[Ordered, ...] = ()
@@ -159,14 +159,14 @@ class PlantLoop:
         x_m, v_m_s = sensed = sample(params, state)
         power = electric_power_w(state)
         left, right = pressures_pa(params.engine, state)
-        slow = _SLOW_ORDER[tick & 3]
+        slow = SLOW_ORDER[tick & 3]
         head = PlantTick(
             tick & 0xFFFFFFFF,
             2,
             slow,
-            _within(power, _POWER_MOST) if slow == _POWER else _NAN,
-            _within(left, _P_MOST) if slow == _P_LEFT else _NAN,
-            _within(right, _P_MOST) if slow == _P_RIGHT else _NAN,
+            _within(power, _POWER_MOST) if slow == ELECTRIC_POWER else _NAN,
+            _within(left, _P_MOST) if slow == P_LEFT else _NAN,
+            _within(right, _P_MOST) if slow == P_RIGHT else _NAN,
         )
         if -_X_MOST <= x_m <= _X_MOST and -_V_MOST <= v_m_s <= _V_MOST:
             body = PistonSample(x_m, v_m_s)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from hil.messages import GENERATOR, MACHINE_MODES, MOTOR, OFF
 from plant.params import PlantParams
-
-OFF = 0
-MOTOR = 1
-GENERATOR = 2
 
 
 class MachineOrder(NamedTuple):
@@ -39,8 +36,8 @@ def safe_order(params: PlantParams) -> MachineOrder:
 
 def objection(order: MachineOrder) -> str:
     """Tell what is wrong with an order; an empty string when nothing is."""
-    if order.mode not in (OFF, MOTOR, GENERATOR):
-        return f"machine mode {order.mode} is none of 0, 1, 2"
+    if order.mode not in MACHINE_MODES:
+        return f"machine mode {order.mode} is none of {', '.join(map(str, MACHINE_MODES))}"
     if not (math.isfinite(order.force_n) and 0.0 <= order.load_coefficient_n_s_m < math.inf):
         return "machine force must be finite, and load coefficient finite and not negative"
     return ""

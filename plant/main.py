@@ -18,20 +18,17 @@ from drivers.process import (
     open_recorder,
     read_arguments,
 )
-from drivers.service import ENDLESS, Heart, Service
+from drivers.service import Heart, Service
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.scenario import OperatorEvent
 from hil.errors import RunError
-from hil.pacing import LockstepPacer, Pacer, RealTimePacer
+from hil.pacing import NEVER, LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Recorder
 from hil.realtime import pin, prepare
 from plant.initial import initial_state
 from plant.loop import PlantLoop
 from plant.params import PlantParams, plant_params
-
-STATUS_HZ = 10
-SNAPSHOT_HZ = 4
 
 
 def make_params(scenario: Resolved) -> PlantParams:
@@ -69,14 +66,9 @@ def make_loop(
     return PlantLoop(
         params, state, events, link=connection.link, pacer=pacer or make_pacer(scenario),
         recorder=noting(recorder, connection.link), status=connection.status,
-        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
-        snapshot_every=max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1), commands=connection.commands,
+        status_every=scenario.loop.status_every,
+        snapshot_every=scenario.loop.snapshot_every, commands=connection.commands,
     )  # fmt: skip
-
-
-def ticks_of(scenario: Resolved) -> int:
-    """How many ticks the run has."""
-    return round(scenario.run.duration_s * scenario.loop.rate_hz)
 
 
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
@@ -96,7 +88,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         note_granted(recorder, scenario, granted)
         wait_for_controller(scenario, connection, stop, service)
         heart = Heart() if service is None else service.heart
-        ticks = ticks_of(scenario) if service is None else ENDLESS
+        ticks = scenario.ticks if service is None else NEVER
         snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         effort = Effort(recorder)
         tick = turn_until(loop, ticks, stop, heart)

@@ -8,11 +8,15 @@ from pydantic import Field
 
 from hil.config.base import Section
 from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN
+from hil.messages import MachineCommand
 from hil.prototypes import DEFAULT
+from hil.signals import most_of
 
 ControllerName = Literal[
     "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
 ]
+
+_WIRE_FORCE_N = most_of(MachineCommand, "force_n")
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
@@ -235,7 +239,7 @@ class LimitsConfig(Section):
     tdc_m: Metres | None = None
     fuel_min_kg: FuelKg = DEFAULT.fuel_min_kg
     fuel_max_kg: FuelKg = DEFAULT.fuel_max_kg
-    force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=5000.0)
+    force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=_WIRE_FORCE_N)
     stale_ticks: StaleTicks = STALE_TICKS
     misfires: int = Field(default=3, ge=1, le=1000)
 

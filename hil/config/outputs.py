@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.config.base import Section
+from hil.config.base import OneOf, Section
+from hil.messages import CHANNELS
 
-ChannelName = Literal[
-    "injector_left", "injector_right", "spark_left", "spark_right",
-    "intake_left", "exhaust_left", "intake_right", "exhaust_right",
-]  # fmt: skip
+ChannelName = Annotated[str, OneOf(CHANNELS.values())]
 LineOffset = Annotated[int, Field(ge=0, le=1023)]
 
 

@@ -15,17 +15,15 @@ from hil.config.ranges import (
     Restitution,
     StaleTicks,
 )
-from hil.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype
+from hil.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
-OwnModel = Literal[
-    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
-    "motoring",
-]  # fmt: skip
-Model = Literal[OwnModel, "fmu"]
-DETAILED_MODELS: tuple[str, ...] = ("two-stroke", "four-stroke", "starting", "motoring")
+FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
+DETAILED_MODELS = tuple(dict.fromkeys(model for name in PROTOTYPES for model in model_files(name)))
 """Models of the gas in full: compiled, with a calibration of their own."""
 
+OwnModel = Annotated[str, OneOf((*FAST_MODELS, *DETAILED_MODELS))]
+Model = Annotated[str, OneOf((*FAST_MODELS, *DETAILED_MODELS, "fmu"))]
 _FMU = "fmu:"
 
 Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
@@ -121,8 +119,8 @@ class PlantConfig(Section):
     def _model_knows_the_engine(self) -> Self:
         if PROTOTYPES[self.prototype].chambers < 2 and self.model not in DETAILED_MODELS:
             raise ValueError(
-                f"prototype {self.prototype} has one chamber; models that accept it: two-stroke, "
-                "four-stroke"
+                f"prototype {self.prototype} has one chamber; models that accept it: "
+                + ", ".join(model_files(self.prototype))
             )
         return self
 

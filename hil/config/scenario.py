@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from hil.busload import check_fit
-from hil.config.base import Section
+from hil.config.base import OneOf, Section
 from hil.config.controller import ControllerConfig, ControllerName
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
+from hil.messages import OPERATING_MODES
 
 
 class OperatorEvent(Section):
@@ -36,6 +37,7 @@ class OperatorEvent(Section):
         return self
 
 
+ModeName = Annotated[str, OneOf(OPERATING_MODES.values())]
 Event = Annotated[PlantEvent | OperatorEvent, Field(discriminator="kind")]
 
 
@@ -54,7 +56,7 @@ class Expectation(Section):
     after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
     within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
     peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: Literal["off", "motoring", "generating", "stopping", "safe"] | None = None
+    mode: ModeName | None = None
     at_rest: bool | None = None
     contacts: int | None = Field(default=None, ge=0)
     misfires_min: int | None = Field(default=None, ge=0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
+from hil.messages import GENERATOR
 from plant import actuation, disturbances, orders
 from plant.actuation import Injector, Line, PulseTable
 from plant.combustion import SIDES, Stroke, efficiency
@@ -20,7 +21,7 @@ from plant.detailed.solver import advance, scratch
 from plant.detailed.types import Array, GasState
 from plant.disturbances import Due, Held
 from plant.events import CONTACT, DISTURBANCE, MISFIRE, Event
-from plant.machine import GENERATOR, MachineOrder, obey
+from plant.machine import MachineOrder, obey
 from plant.params import PlantParams
 from plant.state import Command, DeadCentre, PlantState
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError, RunError
+from hil.messages import GENERATOR
 from plant import actuation, disturbances
 from plant.actuation import Injector
 from plant.combustion import Stroke
@@ -23,7 +24,7 @@ from plant.fmu.archive import open_archive
 from plant.fmu.tick import NO_SPARK_S, SECOND_NS, Outputs
 from plant.fmu.unit import Unit
 from plant.limit_cycle import limit_cycle
-from plant.machine import GENERATOR, MachineOrder, obey
+from plant.machine import MachineOrder, obey
 from plant.orders import follow
 from plant.params import PlantParams, engine_of
 from plant.state import Command, DeadCentre, PlantState

@@ -22,10 +22,11 @@ from controller.start_restart import Mode
 from drivers.channels import MemoryCommands
 from drivers.keepsake import SIZE, Keepsake
 from drivers.recorder import Recorder, wait_finished
-from drivers.service import ENDLESS, KEPT_LOGS, Heart, log_file
+from drivers.service import KEPT_LOGS, Heart, log_file
 from drivers.systemd_notify import Notifier
 from hil import topics
 from hil.errors import ConfigError, RunError
+from hil.pacing import NEVER
 
 
 @pytest.fixture
@@ -89,7 +90,7 @@ def test_ready_is_told_once_and_only_after_the_first_answer(
 def test_a_run_that_is_no_service_never_beats() -> None:
     heart = Heart()
     heart.start(0)
-    assert heart.next_tick == ENDLESS
+    assert heart.next_tick == NEVER
 
 
 def test_a_hang_up_is_told_to_the_loop_once(notifier: Notifier) -> None:

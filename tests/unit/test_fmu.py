@@ -26,6 +26,7 @@ from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
+from hil.messages import GENERATOR, MOTOR
 from plant.actuation import PulseOrder
 from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
 from plant.fmu.archive import open_archive
@@ -33,7 +34,7 @@ from plant.fmu.contract import ALL
 from plant.fmu.turning import turning_point
 from plant.fmu.unit import Unit
 from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, MachineOrder
+from plant.machine import MachineOrder
 from plant.params import plant_params
 from plant.state import Command, PlantState
 from plant.step import step

@@ -1,8 +1,9 @@
 """Commands that act later than the wire's one tick."""
 
 from hil.config.plant import PlantConfig
+from hil.messages import GENERATOR
 from plant.initial import initial_state
-from plant.machine import GENERATOR, MachineOrder
+from plant.machine import MachineOrder
 from plant.params import plant_params
 from plant.state import Command
 from plant.step import step

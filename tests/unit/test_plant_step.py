@@ -7,10 +7,11 @@ import pytest
 from hil import topics
 from hil.config.plant import MisfireEvent, PlantConfig
 from hil.errors import ConfigError
+from hil.messages import GENERATOR, MOTOR, OFF
 from hil.prototypes import NU
 from plant.actuation import PulseOrder
 from plant.initial import initial_state
-from plant.machine import GENERATOR, MOTOR, OFF, MachineOrder
+from plant.machine import MachineOrder
 from plant.params import plant_params
 from plant.state import Command, truth
 from plant.step import step
