@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,20 @@ from hil.config.check import check
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.prototypes import Prototype
+from hil.prototypes import PROTOTYPES, Prototype
 from plant.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
 from plant.params import Engine, engine_of
 
 _SLOPE_STEP = 0.01
+
+_OF_THE_ENGINE = {
+    "plant": {"contact_restitution": "contact_restitution"},
+    "plant.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.start": {"force_n": "start_force_n"},
+    "controller.limits": {"fuel_min_kg": "fuel_min_kg", "fuel_max_kg": "fuel_max_kg"},
+}
+"""By section and key which figure of the engine a run has unless it is given."""
 
 # The non-linear model is integrated for every fuel that is tried.
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
@@ -37,6 +46,8 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
             " centres only; accepted there are the other controllers"
         )
     tree = scenario.model_dump()
+    tree["plant"]["prototype"] = engine_defaults.prototype_of(scenario)
+    _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
     if engine_defaults.is_detailed(scenario):
         engine_defaults.fill(scenario, tree)
     else:
@@ -46,6 +57,16 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)
+
+
+def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Give the engine's own figures, each unless the scenario has it."""
+    for path, figures in _OF_THE_ENGINE.items():
+        keys = path.split(".")
+        given: Any = reduce(getattr, keys, scenario)
+        section = reduce(dict.__getitem__, keys, tree)
+        for key in figures.keys() - given.model_fields_set:
+            section[key] = getattr(prototype, figures[key])
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:

@@ -238,5 +238,5 @@ def test_a_lost_controller_closes_the_valves_it_has_opened():
 
 
 def test_engines_with_one_chamber_are_not_for_the_fast_models():
-    with pytest.raises(ConfigError, match="accept it: two-stroke$"):
+    with pytest.raises(ConfigError, match=r"accept it: two-stroke$"):
         build({"plant": {"model": "harmonic", "prototype": "gas-spring"}}, "test")
