@@ -43,7 +43,7 @@ def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course
     Peak and settling count from the load step, or from the end of the ramp on for settling, to
     the first misfire after it.
     """
-    ref_mm = (scenario.controller.tdc_ref_m or 0.0) * 1e3
+    ref_mm = scenario.controller.tdc_ref_m * 1e3
     begin_ns = round(campaign.load.at_s * 1e9)
     ends_ns = begin_ns + round(campaign.load.ramp_s * 1e9) * bool(drawn.facts.get("ramp"))
     misfires = [e.t_ns for e in course.events if e.code == "misfire"]

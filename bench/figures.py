@@ -65,7 +65,7 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
     with logs.open(files.plant_log) as plant, logs.open(files.controller_log) as controller:
         both = {"plant": plant, "controller": controller}
         happenings = read_happenings(both)
-        first_m = scenario.controller.tdc_ref_m or 0.0
+        first_m = scenario.controller.tdc_ref_m
         return RunData(
             scenario,
             read_truth(plant, first_m, set_points(controller)),
