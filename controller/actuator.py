@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, final
 
-from controller.start_restart import Mode
-from controller.timing import PlannedPulse
-from hil.messages import (
+from controller.mode.start_restart import Mode
+from controller.timing.plan import PlannedPulse
+from hil.values import Value
+from hil.wire.fields import layout_of
+from hil.wire.messages import (
     GENERATOR,
     MOTOR,
     OFF,
-    PULSE_CLOCK_US,
     ControllerTick,
     MachineCommand,
     Message,
     Pulse,
 )
-from hil.signals import layout_of
+from hil.wire.pulses import wrap_us
 
-MAX_PULSES = layout_of(Pulse).per_tick
+MAX_PULSES: Final = layout_of(Pulse).per_tick
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
 
 
-class Machine(NamedTuple):
-    """What the machine is to do."""
+@final
+class Machine(Value):
+    """An order to the machine."""
 
-    mode: int
-    force_n: float = 0.0
-    load_n_s_m: float = 0.0
+    __slots__ = ("mode", "force_n", "load_n_s_m")
+
+    def __init__(self, mode: int, force_n: float = 0.0, load_n_s_m: float = 0.0) -> None:
+        self.mode = mode
+        self.force_n = force_n
+        self.load_n_s_m = load_n_s_m
 
 
 def machine_for(mode: Mode, force_n: float, load_n_s_m: float, full_load_n_s_m: float) -> Machine:
@@ -51,21 +56,29 @@ def still_open(
 
     They are sent again every tick until they have closed, so that one lost frame costs nothing.
     """
-    for pulse in planned:
-        if pulse is not None and pulse not in pulses:
-            break
-    else:  # nothing new
-        for _, open_ns, duration_ns in pulses:
-            if open_ns + duration_ns <= t_ns:
-                break
-        else:
-            return pulses
+    if _nothing_changes(pulses, planned, t_ns):
+        return pulses
     new = [pulse for pulse in planned if pulse is not None]
     channels = [pulse.channel for pulse in new]
     kept = [pulse for pulse in pulses if pulse.channel not in channels]
     alive = [pulse for pulse in kept + new if pulse.close_ns > t_ns]
     alive.sort(key=lambda pulse: pulse.open_ns)
     return tuple(alive)
+
+
+def _nothing_changes(
+    pulses: tuple[PlannedPulse, ...], planned: tuple[PlannedPulse | None, ...], t_ns: int
+) -> bool:
+    """Whether nothing is new, told by identity, and nothing closes: most ticks."""
+    for plan in planned:
+        if plan is None:
+            continue
+        for pulse in pulses:
+            if pulse is plan:
+                break
+        else:
+            return False
+    return not pulses or all(pulse.open_ns + pulse.duration_ns > t_ns for pulse in pulses)
 
 
 def messages(
@@ -76,7 +89,6 @@ def messages(
     if not pulses:
         return (ControllerTick(tick, 2, int(mode)), command)
     sent = [
-        Pulse(channel, open_ns // 1000 % PULSE_CLOCK_US, duration_ns // 1000)
-        for channel, open_ns, duration_ns in pulses[:MAX_PULSES]
+        Pulse(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000) for p in pulses[:MAX_PULSES]
     ]
     return (ControllerTick(tick, 2 + len(sent), int(mode)), command, *sent)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
-from hil.config.controller import ControllerName
+from controller.motion.laws import LAWS
 from hil.config.plant import FAULT_KINDS
 from hil.errors import ConfigError
 
 KINDS = ("start", "stop", "set-point", "law")
-LAW_NAMES = get_args(ControllerName)
+LAW_NAMES = tuple(LAWS)
 _NUMBERS = {"tdc_ref_m": (0.001, 0.05), "target_power_w": (0.0, 10_000.0)}
 
 

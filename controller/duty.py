@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from controller.commands import parse
 from controller.loop import ControllerLoop
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from hil.errors import ConfigError
 from hil.ports import CommandSource
 
@@ -98,11 +98,11 @@ class Resumption:
         names = ("tdc_ref_m", "target_power_w")
         self._set_point = {name: kept[name] for name in names if kept.get(name) is not None}
 
-    def attend(self, loop: ControllerLoop, commands: DutyCommands) -> None:
-        """Ask, if it is still to be asked and can be answered."""
-        if loop.state.mode in RUNNING or commands.stopped:
+    def attend(self, mode: Mode, commands: DutyCommands, *, stale: int) -> None:
+        """Ask, if it is still to be asked and can be answered; `stale` ticks had no sample."""
+        if mode in RUNNING or commands.stopped:
             self.tries_left = 0
-        if not self.tries_left or loop.state.stale or not commands.idle:
+        if not self.tries_left or stale or not commands.idle:
             return
         if self.tries_left == RESUME_TRIES and self._set_point:
             text = json.dumps({"kind": "set-point", **self._set_point})
@@ -132,7 +132,7 @@ class Duty:
     def attend(self, loop: ControllerLoop) -> None:
         """Feed the watchdog, keep the duty, take new set points."""
         state = loop.state
-        self._resumption.attend(loop, self.commands)
+        self._resumption.attend(state.mode, self.commands, stale=state.stale)
         facts = {
             "running": state.mode in RUNNING or self._resumption.tries_left > 0,
             "tdc_ref_m": state.set_points.tdc_ref_m,
@@ -149,5 +149,6 @@ class Duty:
 def describe(loop: ControllerLoop) -> str:
     """How the controller is, in one line."""
     state = loop.state
-    tdc_mm, wanted_mm = state.motion.tdc_m * 1e3, state.set_points.tdc_ref_m * 1e3
-    return f"{state.mode.name.lower()}, tick {loop.tick}, TDC {tdc_mm:.2f} of {wanted_mm:.2f} mm"
+    tdc = f"{state.motion.tdc_m * 1e3:.2f}" if state.motion.stroke else "-"
+    wanted_mm = state.set_points.tdc_ref_m * 1e3
+    return f"{state.mode.name.lower()}, tick {loop.tick}, TDC {tdc} of {wanted_mm:.2f} mm"

@@ -6,9 +6,11 @@ The plant may differ (another model, other parameters); the loops take up the di
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import final
 
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
+from hil.roots import newton
+from hil.values import Value
 
 _NEWTON_STEPS = 60
 
@@ -19,16 +21,23 @@ TUNED_FUEL_PER_SPEED_KG_S_M = 1.4512e-6
 _SLOPE_STEP = 0.01
 
 
-class OperatingPoint(NamedTuple):
+@final
+class OperatingPoint(Value):
     """A steady state: fuel a stroke [kg], speed at mid-stroke [m/s], duration of a stroke [s].
 
     fuel_per_speed_kg_s_m: by how much more fuel the steady speed rises, at the same load
     """
 
-    fuel_kg: float
-    v_mid_m_s: float
-    stroke_s: float
-    fuel_per_speed_kg_s_m: float = TUNED_FUEL_PER_SPEED_KG_S_M
+    __slots__ = ("fuel_kg", "v_mid_m_s", "stroke_s", "fuel_per_speed_kg_s_m")
+
+    def __init__(
+        self, fuel_kg: float, v_mid_m_s: float, stroke_s: float,
+        fuel_per_speed_kg_s_m: float = TUNED_FUEL_PER_SPEED_KG_S_M,
+    ) -> None:  # fmt: skip
+        self.fuel_kg = fuel_kg
+        self.v_mid_m_s = v_mid_m_s
+        self.stroke_s = stroke_s
+        self.fuel_per_speed_kg_s_m = fuel_per_speed_kg_s_m
 
     @property
     def gain_scale(self) -> float:
@@ -65,12 +74,12 @@ def load_for_power(engine: Prototype, tdc_m: float, power_w: float) -> float:
     """
     m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
     d = math.pi * engine.gamma * power_w / (2.0 * Ls * tdc_m)
-    omega = math.sqrt(k0 / m) + math.cbrt(d / m)
-    for _ in range(_NEWTON_STEPS):
-        step = (m * omega**2 - d / omega - k0) / (2.0 * m * omega + d / omega**2)
-        omega -= step
-        if abs(step) < 1e-12 * omega:
-            break
+
+    def misfit(omega: float) -> tuple[float, float]:
+        return m * omega**2 - d / omega - k0, 2.0 * m * omega + d / omega**2
+
+    guess = math.sqrt(k0 / m) + math.cbrt(d / m)
+    omega = newton(misfit, guess, relative=1e-12, steps=_NEWTON_STEPS)
     return 2.0 * power_w / (tdc_m * tdc_m * omega * omega)
 
 

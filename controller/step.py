@@ -6,36 +6,34 @@ estimate -> start/restart -> supervisory -> piston motion -> timing -> actuator 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Final
 
-from controller import (
-    actuator,
-    estimate,
-    ignition,
-    operation,
-    safety,
-    supervisory,
-    timing,
-    trimming,
-)
+from controller import actuator, safety, supervisory
 from controller.actuator import Machine
-from controller.estimate import Motion, Passed
+from controller.commands import OperatorCommand
 from controller.knowledge import motoring_force
-from controller.laws import LAWS
-from controller.laws.interface import NO_DEMAND, Demand, StrokeFacts
-from controller.start_restart import Mode
-from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.mode.combustion import has_misfired
+from controller.mode.operation import decide, is_uneventful
+from controller.mode.start_restart import Mode
+from controller.motion.fuelling import Fuelling
+from controller.motion.law import NO_DEMAND, View
+from controller.motion.laws import LAWS
+from controller.motion.prediction import ahead_by, seconds_ahead
+from controller.observe.estimate import Motion, Observation, observe
+from controller.orders import obey
+from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SetPoints
-from controller.timing import NO_PLAN, Plan
-from hil.messages import FIRING_MODES, PistonSample
+from controller.timing import position
+from controller.timing.injection import plan_injection, retime_injection
+from controller.timing.plan import NO_PLAN, Plan
+from controller.timing.spark import plan_spark
+from hil.values import replace
+from hil.wire.pulses import may_fire
 
-SHORTEST_STROKE = 0.3
+SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
 
-NO_CHARGES = (0.0, 0.0)
-
-BEYOND_SHARE = 0.2
-"""Of each stroke's demand in the average that a restart begins with."""
+NO_CHARGES: Final = (0.0, 0.0)
 
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
@@ -43,97 +41,117 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
 
     Returns: the next state and the output, which acts at the plant's next tick
     """
-    t_ns = inputs.tick * params.period_ns
-    motion, passed, stale = _observe(state, inputs.sample, t_ns)
-    mode, state, events = operation.decide(params, state, inputs, motion, passed, stale, t_ns)
-    set_points = supervisory.slew(
-        params.config, params.engine, state.set_points, params.period_ns * 1e-9
-    )
-    law, demand, plan, burnt_kg = state.law, state.demand, state.plan, state.burnt_kg
-    beyond_kg = state.beyond_kg
+    config, t_ns = params.config, inputs.tick * params.period_ns
+    seen = observe(state.motion, state.stale, inputs.sample, t_ns)
+    state, events = _operate(params, state, seen, inputs.command)
+    set_points = supervisory.slew(config, params.engine, state.set_points, params.period_ns * 1e-9)
     stroke = None
-    if passed.dead_centre:
-        if _fires(params, motion.stroke - 1):
-            stroke = StrokeReport(
-                motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
-                demand,
-            )  # fmt: skip
-        burnt_kg = _burnt(state, motion)
-        plan, demand = NO_PLAN, NO_DEMAND
-    due = passed.mid_stroke and _fires(params, motion.stroke)
-    if due and _may_fire(params, mode, motion, set_points):
-        law, demand, beyond_kg = _demand(params, state, motion, set_points)
-        plan = timing.plan_injection(
-            params.config, motion, t_ns, params.period_ns, set_points.point.stroke_s, demand.fuel_kg
-        )
-    machine = _machine(params, mode, motion, set_points)
-    watch = LAWS[state.law_name].watch
-    if watch is not None and _may_watch(params, mode, state, stale):
-        assert params.model is not None, "checked when the law was chosen"
-        law, demand, plan, machine = trimming.trim(
-            params.config, params.model, watch, law, demand, plan, machine, motion=motion,
-            passed=passed, set_points=set_points, burnt_kg=burnt_kg, power_w=inputs.power_w,
-            t_ns=t_ns, period_ns=params.period_ns,
-        )  # fmt: skip
+    if seen.passed.dead_centre:
+        stroke = _report(params, state, seen.motion, set_points)
+    fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
+    mode = state.operation.mode
     if plan.fuel_kg > 0.0:
-        plan = _with_spark(params, mode, motion, set_points, plan, burnt_kg, t_ns)
+        plan = _with_spark(params, mode, seen.motion, set_points, plan, fuelling, t_ns)
     pulses = actuator.still_open(state.pulses, (plan.injection, plan.spark), t_ns)
-    machine = safety.limit_machine(params.config.limits, machine)
-    after = State(
-        mode, motion, set_points, law, demand, plan, pulses, stale,
-        state.misfires, state.fired_t_ns, state.fired_strokes, state.since_t_ns, state.law_name,
-        burnt_kg, beyond_kg,
-    )  # fmt: skip
-    messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
-    may_fire = mode in FIRING_MODES
-    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, may_fire)
-
-
-def _with_spark(
-    params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
-    burnt_kg: tuple[float, float], t_ns: int,
-) -> Plan:  # fmt: skip
-    """Level 4: the spark, by the best prediction that there is of this stroke."""
-    timings, period_ns = params.config.timing, params.period_ns
-    braked, charges = set_points.load_n_s_m, burnt_kg
-    if mode is not Mode.GENERATING:
-        braked, charges = 0.0, NO_CHARGES
-    if timings.spark_position_m is None:
-        ahead = trimming.ahead_by(params.model, motion, braked, charges, period_ns)
-    else:
-        ahead = ignition.ahead_of(
-            params.engine, motion, period_ns * 1e-9, braked, timings.spark_position_m,
-            timings.spark_advance_s,
-        )  # fmt: skip
-    return timing.plan_spark(
-        params.config, plan, motion, t_ns, period_ns, set_points.point.stroke_s, ahead
+    machine = safety.limit_machine(
+        config.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
     )
+    messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
+    after = State(seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses)
+    fires = may_fire(mode)
+    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, fires)
 
 
-def _observe(state: State, sample: PistonSample | None, t_ns: int) -> tuple[Motion, Passed, int]:
-    """Take the sample into the estimate, or count that there was none."""
-    if sample is None:
-        return state.motion, estimate.NOTHING, state.stale + 1
-    motion, passed = estimate.update(state.motion, t_ns, sample.x_m, sample.v_m_s)
-    return motion, passed, 0
+def _operate(
+    params: Params, state: State, seen: Observation, command: OperatorCommand | None
+) -> tuple[State, Events]:
+    """Level 1: the operator's command and the mode, and what a change of it resets."""
+    stroke_s = state.set_points.point.stroke_s
+    if command is None and is_uneventful(params.bounds, state.operation, seen, stroke_s):
+        return state, ()
+    events: Events = ()
+    if command is not None:
+        state, events = obey(params, state, command)
+    set_points, burnt_kg, before = state.set_points, state.fuelling.burnt_kg, state.operation
+    operation, rule = decide(
+        params.bounds, before, seen, "" if command is None else command.kind,
+        fuel_kg=state.plan.fuel_kg, stroke_s=set_points.point.stroke_s,
+        has_misfired=lambda: has_misfired(params.stroke_map, seen.motion, set_points, burnt_kg),
+    )  # fmt: skip
+    if operation is before:
+        return state, events
+    if not rule:
+        return replace(state, operation=operation), events
+    text = f"{before.mode.name} -> {operation.mode.name}: {rule}"
+    events = (*events, (f"mode {operation.mode.name.lower()}", text))
+    return _entered(replace(state, operation=operation)), events
 
 
-def _burnt(state: State, motion: Motion) -> tuple[float, float]:
+def _entered(state: State) -> State:
+    """What a change of mode resets: outside generating nothing may fire that was planned before."""
+    fuelling = state.fuelling
+    if state.mode is Mode.GENERATING:
+        return replace(state, fuelling=fuelling.restarted())
+    beyond_kg = fuelling.beyond_kg if state.mode is Mode.MOTORING else 0.0
+    fuelling = replace(fuelling, demand=NO_DEMAND, beyond_kg=beyond_kg)
+    return replace(state, fuelling=fuelling, plan=NO_PLAN, pulses=())
+
+
+def _report(
+    params: Params, state: State, motion: Motion, set_points: SetPoints
+) -> StrokeReport | None:
+    """The stroke that has ended, if it was one to end in a combustion."""
+    if not _fires(params, motion.stroke - 1):
+        return None
+    return StrokeReport(
+        motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
+        state.fuelling.demand,
+    )  # fmt: skip
+
+
+def _fuel(
+    params: Params, state: State, seen: Observation, set_points: SetPoints, power_w: float
+) -> tuple[Fuelling, Plan, float]:
+    """Level 3: the fuel for the dead centre ahead, and the load that the law wants by then.
+
+    Returns: the law with its demand, the injection planned for it, load coefficient [N s/m]
+    """
+    fuelling, plan = state.fuelling, state.plan
+    if seen.passed.dead_centre:
+        fuelling, plan = _burnt(state, seen.motion), NO_PLAN
+    due = seen.passed.mid_stroke and _is_to_fire(params, state, seen.motion, set_points)
+    watches = LAWS[fuelling.law_name].watch is not None and _may_watch(params, state, seen)
+    if not (due or watches):
+        return fuelling, plan, set_points.load_n_s_m
+    view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w)
+    if due:
+        fuelling = _asked(params, state, fuelling, view, set_points.throttle)
+        plan = plan_injection(
+            params.config, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
+            fuelling.demand.fuel_kg,
+        )  # fmt: skip
+    if not watches:
+        return fuelling, plan, set_points.load_n_s_m
+    return _trimmed(params, fuelling, plan, view, set_points.throttle)
+
+
+def _burnt(state: State, motion: Motion) -> Fuelling:
     """Enter what was planned for a dead centre.
 
     At the dead centre at which a run begins noise may show one more, for which nothing is planned.
     """
-    burnt_kg, fuel_kg = state.burnt_kg, state.plan.fuel_kg
+    fuel_kg = state.plan.fuel_kg
     apart_ns = motion.dc_t_ns - state.motion.dc_t_ns
     if fuel_kg == 0.0 and apart_ns < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
-        return burnt_kg
-    return (fuel_kg, burnt_kg[1]) if motion.side == 0 else (burnt_kg[0], fuel_kg)
+        return state.fuelling.demanding(NO_DEMAND)
+    return state.fuelling.after_dead_centre(motion.side, fuel_kg)
 
 
-def _may_watch(params: Params, mode: Mode, state: State, stale: int) -> bool:
+def _may_watch(params: Params, state: State, seen: Observation) -> bool:
     """A law watches the ticks in which it would also be asked for fuel, and a sample came."""
-    generating = mode is Mode.GENERATING and state.mode is mode
-    return generating and not stale and state.fired_strokes >= params.config.start.open_strokes
+    operation = state.operation
+    generating = operation.mode is Mode.GENERATING and not seen.stale
+    return generating and operation.fired_strokes >= params.config.start.open_strokes
 
 
 def _fires(params: Params, stroke: int) -> bool:
@@ -142,38 +160,73 @@ def _fires(params: Params, stroke: int) -> bool:
     return fires[stroke % len(fires)]
 
 
-def _may_fire(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) -> bool:
+def _is_to_fire(params: Params, state: State, motion: Motion, set_points: SetPoints) -> bool:
     """Fire while generating, and while motoring once the amplitude allows ignition."""
+    if not _fires(params, motion.stroke):
+        return False
+    mode = state.operation.mode
     if mode is Mode.GENERATING:
         return True
     ignition_m = params.config.start.ignition_ratio * set_points.tdc_ref_m
     return mode is Mode.MOTORING and motion.tdc_m >= ignition_m
 
 
-def _demand(
-    params: Params, state: State, motion: Motion, set_points: SetPoints
-) -> tuple[Any, Demand, float]:
-    """Level 3: the fuel for the dead centre ahead; after a restart that of the strokes before it.
-
-    Returns: the law's state, its demand, and `State.beyond_kg`
-    """
-    config, point, law = params.config, set_points.point, state.law
-    beyond_kg = state.beyond_kg
-    if state.mode is Mode.MOTORING or state.fired_strokes < config.start.open_strokes:
-        demand = Demand(point.fuel_kg + beyond_kg, point.v_mid_m_s)
+def _asked(
+    params: Params, state: State, fuelling: Fuelling, view: View, throttle: float
+) -> Fuelling:
+    """The fuel for the dead centre ahead; after a restart that of the strokes before it."""
+    config, operation = params.config, state.operation
+    if operation.mode is Mode.MOTORING or operation.fired_strokes < config.start.open_strokes:
+        fuelling = fuelling.asked_open(view)
     else:
-        most = config.limits.fuel_max_kg * set_points.throttle
-        facts = StrokeFacts(
-            set_points.tdc_ref_m, motion.tdc_m, motion.v_mid_m_s, point,
-            config.limits.fuel_min_kg, most, set_points.load_n_s_m,
-            1 if motion.direction > 0 else 0, state.burnt_kg, params.model,
+        fuelling = fuelling.asked(config, view)
+    return fuelling.demanding(safety.limit_fuel(config.limits, throttle, fuelling.demand))
+
+
+def _trimmed(
+    params: Params, fuelling: Fuelling, plan: Plan, view: View, throttle: float
+) -> tuple[Fuelling, Plan, float]:
+    """Let the law watch the tick, and retime the injection that is still to be trimmed."""
+    config, motion = params.config, view.motion
+    fuelling, trim = fuelling.watched(config, view, plan.fuel_kg)
+    if trim.fuel_kg is not None and plan.fuel_kg > 0.0:
+        wanted = replace(fuelling.demand, fuel_kg=trim.fuel_kg)
+        fuelling = fuelling.demanding(safety.limit_fuel(config.limits, throttle, wanted))
+    if plan.injection is not None and plan.injection.close_ns > motion.t_ns:
+        ahead_s = seconds_ahead(
+            view.believed, motion, view.load_n_s_m, view.burnt_kg, params.period_ns
+        )
+        plan = retime_injection(
+            config, plan, motion.t_ns + round(ahead_s * 1e9), motion.t_ns, params.period_ns,
+            fuelling.demand.fuel_kg,
         )  # fmt: skip
-        law, demand = LAWS[state.law_name].step(config, law, facts)
-        beyond_kg += BEYOND_SHARE * (demand.fuel_kg - point.fuel_kg - beyond_kg)
-    return law, safety.limit_fuel(config.limits, set_points.throttle, demand), beyond_kg
+    return fuelling, plan, view.load_n_s_m if trim.load_n_s_m is None else trim.load_n_s_m
 
 
-def _machine(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) -> Machine:
+def _with_spark(
+    params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
+    fuelling: Fuelling, t_ns: int,
+) -> Plan:  # fmt: skip
+    """Level 4: the spark, by the best prediction that there is of this stroke."""
+    timings, period_ns = params.config.timing, params.period_ns
+    braked, charges = set_points.load_n_s_m, fuelling.burnt_kg
+    if mode is not Mode.GENERATING:
+        braked, charges = 0.0, NO_CHARGES
+    if timings.spark_position_m is None:
+        ahead = ahead_by(params.stroke_map, motion, braked, charges, period_ns)
+    else:
+        ahead = position.ahead_of(
+            params.engine, motion, period_ns * 1e-9, braked, timings.spark_position_m,
+            timings.spark_advance_s,
+        )  # fmt: skip
+    return plan_spark(
+        params.config, plan, motion, t_ns, period_ns, set_points.point.stroke_s, ahead
+    )
+
+
+def _machine(
+    params: Params, mode: Mode, motion: Motion, set_points: SetPoints, load_n_s_m: float
+) -> Machine:
     """The machine's order in this mode; motoring pushes in the direction of motion."""
     force = 0.0
     if mode is Mode.MOTORING:
@@ -184,4 +237,4 @@ def _machine(params: Params, mode: Mode, motion: Motion, set_points: SetPoints) 
         if not start.constant_force:
             force = direction * min(start.force_n, motoring_force(
                 params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
-    return actuator.machine_for(mode, force, set_points.load_n_s_m, params.full_load_n_s_m)
+    return actuator.machine_for(mode, force, load_n_s_m, params.full_load_n_s_m)

@@ -5,24 +5,32 @@ Without a target power the configured load holds (thesis section 6.1.3, level 2)
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import final
 
 from controller.knowledge import OperatingPoint, load_for_power, operating_point
 from hil.config.controller import ControllerConfig
-from hil.prototypes import Prototype
+from hil.config.prototypes import Prototype
+from hil.values import Value, replace
 
 
-class SetPoints(NamedTuple):
+@final
+class SetPoints(Value):
     """What the layers below are asked for.
 
     load_target_n_s_m is where the load is slewing to; `point` belongs to tdc_ref and load.
     """
 
-    tdc_ref_m: float
-    load_n_s_m: float
-    load_target_n_s_m: float
-    throttle: float
-    point: OperatingPoint
+    __slots__ = ("tdc_ref_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point")
+
+    def __init__(
+        self, tdc_ref_m: float, load_n_s_m: float, load_target_n_s_m: float, throttle: float,
+        point: OperatingPoint,
+    ) -> None:  # fmt: skip
+        self.tdc_ref_m = tdc_ref_m
+        self.load_n_s_m = load_n_s_m
+        self.load_target_n_s_m = load_target_n_s_m
+        self.throttle = throttle
+        self.point = point
 
 
 def initial(config: ControllerConfig, engine: Prototype) -> SetPoints:
@@ -93,11 +101,8 @@ def change(
     target = now.load_target_n_s_m
     if power_w is not None:
         target = target_load(config, engine, tdc, power_w)
-    return now._replace(
-        tdc_ref_m=tdc,
-        load_target_n_s_m=target,
-        point=with_preset(config, engine, tdc, now.load_n_s_m),
-    )
+    point = with_preset(config, engine, tdc, now.load_n_s_m)
+    return replace(now, tdc_ref_m=tdc, load_target_n_s_m=target, point=point)
 
 
 def slew(config: ControllerConfig, engine: Prototype, now: SetPoints, dt: float) -> SetPoints:
@@ -109,4 +114,4 @@ def slew(config: ControllerConfig, engine: Prototype, now: SetPoints, dt: float)
     load = (
         now.load_target_n_s_m if abs(gap) <= most else now.load_n_s_m + (most if gap > 0 else -most)
     )
-    return now._replace(load_n_s_m=load, point=with_preset(config, engine, now.tdc_ref_m, load))
+    return replace(now, load_n_s_m=load, point=with_preset(config, engine, now.tdc_ref_m, load))

@@ -7,8 +7,8 @@ from typing import Final, Literal, NamedTuple, Protocol
 
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.memory_link import MemoryLink, memory_pair
-from drivers.zenoh_channels import ZenohCommands, ZenohOperator, ZenohStatus
-from drivers.zenoh_link import ZenohLink, ZenohNode
+from drivers.zenoh.channels import ZenohCommands, ZenohOperator, ZenohStatus
+from drivers.zenoh.link import ZenohLink, ZenohNode
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, HilError
 from hil.ports import CommandSource, Link, StatusSink
@@ -53,7 +53,7 @@ def _open_zenoh(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
 
 def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     """Open a process's end in shared memory, with commands and status on a Zenoh session."""
-    from drivers.shm_link import ShmLink  # noqa: PLC0415 - an extra, loaded where it is used
+    from drivers.shm.link import ShmLink  # noqa: PLC0415 - an extra, loaded where it is used
 
     node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
     try:
@@ -73,7 +73,7 @@ def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
 
 def _open_can(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     """Open a process's node on a CAN bus, with commands and status on a Zenoh session."""
-    from drivers.can_link import CanLink, open_port  # noqa: PLC0415 - loaded where it is used
+    from drivers.can.link import CanLink, open_port  # noqa: PLC0415 - loaded where it is used
 
     port = open_port(side, config, lockstep=loop.clock == "lockstep")
     try:

@@ -19,12 +19,12 @@ class MemoryLink:
     controller's turn, so that its answer is there when the plant looks for it.
     """
 
-    __slots__ = ("_closed", "_dropped", "_inbox", "_peer", "_sent", "_taken", "on_send")
+    __slots__ = ("closed", "_dropped", "inbox", "peer", "_sent", "_taken", "on_send")
 
     def __init__(self) -> None:
-        self._inbox: deque[bytes] = deque()
-        self._peer = self
-        self._closed = False
+        self.inbox: deque[bytes] = deque()
+        self.peer = self
+        self.closed = False
         self._sent = self._taken = self._dropped = 0
         self.on_send: Callable[[], None] = _nothing
 
@@ -33,22 +33,22 @@ class MemoryLink:
 
         Raises: LinkError when this end is closed
         """
-        peer = self._peer
-        if self._closed:
+        peer = self.peer
+        if self.closed:
             raise LinkError("memory link: send on a closed link")
-        if peer._closed:
+        if peer.closed:
             self._dropped += 1
             return
-        peer._inbox.append(batch)
+        peer.inbox.append(batch)
         self._sent += 1
         self.on_send()
 
     def receive(self) -> bytes | None:
         """Return the oldest batch not yet taken, or None."""
-        if not self._inbox:
+        if not self.inbox:
             return None
         self._taken += 1
-        return self._inbox.popleft()
+        return self.inbox.popleft()
 
     def wait(self, _timeout_ns: int, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""
@@ -56,7 +56,7 @@ class MemoryLink:
 
     def peer_alive(self) -> bool:
         """Whether the other end is still open."""
-        return not self._peer._closed
+        return not self.peer.closed
 
     def wait_for_peer(self, _timeout_s: float) -> None:
         """Return at once: both ends exist from the start.
@@ -72,12 +72,12 @@ class MemoryLink:
 
     def close(self) -> None:
         """Close this end; what it has not taken is gone."""
-        self._closed = True
-        self._inbox.clear()
+        self.closed = True
+        self.inbox.clear()
 
 
 def memory_pair() -> tuple[MemoryLink, MemoryLink]:
     """Return the plant's end and the controller's end."""
     plant, controller = MemoryLink(), MemoryLink()
-    plant._peer, controller._peer = controller, plant
+    plant.peer, controller.peer = controller, plant
     return plant, controller

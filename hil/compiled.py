@@ -25,13 +25,15 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/codec.py", "hil/e2e.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py",
-    "plant/*.py", "controller/*.py", "controller/laws/*.py",
-    "drivers/memory_link.py", "drivers/ring.py", "drivers/polling.py", "drivers/can_assembly.py",
-    "bench/offline.py",
+    "hil/wire/codec.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
+    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
+    "plant/engines/fast/*.py", "controller/**/*.py",
+    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",
+    "drivers/can/assembly.py", "bench/run/offline.py",
 )  # fmt: skip
-_START_UP: Final = ("__init__.py", "main.py", "commands.py")
-"""Not worth it, and read once."""
+_START_UP: Final = ("__init__.py", "main.py", "build.py", "follow.py", "commands.py")
+"""Not worth it: read once, or no more than a wait and a turn."""
 
 _PACKAGES: Final = ("hil", "plant", "controller", "drivers")
 _SUFFIX: Final = importlib.machinery.EXTENSION_SUFFIXES[0]
@@ -47,7 +49,7 @@ def key_of(root: Path) -> str:
     """Return the name under which what these sources compile to is kept."""
     total = blake2b(_SUFFIX.encode(), digest_size=10)
     known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    for path in (*known, root / "bench" / "offline.py", root / "bench" / "compile.py"):
+    for path in (*known, root / "bench/run/offline.py", root / "bench/dev/compile.py"):
         total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
     return total.hexdigest()
 

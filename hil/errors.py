@@ -36,5 +36,11 @@ class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 
 
+class BlockedError(HilError):
+    """An order of the run was refused: what was run is not what was asked for."""
+
+    exit_code = 4
+
+
 class CodecError(HilError):
     """A value that does not fit its signal, or a frame that is no message of ours."""

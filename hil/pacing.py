@@ -6,12 +6,9 @@ have passed altogether are skipped and counted, so that there is never a backlog
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from hil.ports import Clock
-
-NEVER: Final = 1 << 62
-"""A tick that does not come, or an instant [ns]."""
 
 
 class Slot(NamedTuple):

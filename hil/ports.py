@@ -77,3 +77,19 @@ class StatusSink(Protocol):
 
     def publish(self, status: Mapping[str, object], /) -> None:
         """Publish; never blocks."""
+
+
+class Ports(Protocol):
+    """What one process has of the outside world."""
+
+    @property
+    def link(self) -> Link:
+        """The way to the peer."""
+
+    @property
+    def commands(self) -> CommandSource:
+        """Where operator commands come from."""
+
+    @property
+    def status(self) -> StatusSink:
+        """Where the process says how it is."""

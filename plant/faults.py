@@ -13,8 +13,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from hil.config.plant import FAULT_KINDS, PlantEvent
 from hil.errors import ConfigError
-from plant.disturbances import compile_edges
-from plant.params import PlantParams
+from hil.values import replace
+from plant.memory import Ordered
+from plant.rig.disturbances import compile_edges
+from plant.rig.params import PlantParams
 
 _EVENT: Final[TypeAdapter[PlantEvent]] = TypeAdapter(PlantEvent)
 
@@ -46,10 +48,20 @@ def with_fault(p: PlantParams, next_edge: int, event: PlantEvent) -> PlantParams
     Parameters: next_edge : how many edges of the events have begun
     """
     number = len(p.events)
-    new = tuple(edge._replace(event=number) for edge in compile_edges((event,)))
+    new = [replace(edge, event=number) for edge in compile_edges((event,))]
     ahead = sorted((*p.edges[next_edge:], *new), key=lambda e: (e.at_ns, e.begins, e.event))
-    return p._replace(
+    return replace(
+        p,
         names=(*p.names, f"ordered {number + 1}"),
         events=(*p.events, event),
         edges=(*p.edges[:next_edge], *ahead),
     )
+
+
+def with_ordered(p: PlantParams, ordered: tuple[Ordered, ...]) -> PlantParams:
+    """Return the parameters with the faults that a run had been ordered."""
+    for one in ordered:
+        event = parse(one.text.encode(), "the log", one.t_ns)
+        if event is not None:
+            p = with_fault(p, one.next_edge, event)
+    return p

@@ -2,43 +2,64 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import final
 
-from hil.codec import DecoderMemory
-from plant.sensors import Sample
-from plant.state import PlantState
+from hil.values import Value
+from plant.answers import AnswersMemory
+from plant.rig.state import PlantState
 
 
-class Measured(NamedTuple):
+@final
+class Measured(Value):
     """One tick's sensors in SI, and the same as frames."""
 
-    sample: Sample
-    p_left_pa: float
-    p_right_pa: float
-    electric_power_w: float
-    batch: bytes
+    __slots__ = ("x_m", "v_m_s", "p_left_pa", "p_right_pa", "electric_power_w", "batch")
+
+    def __init__(
+        self,
+        x_m: float,
+        v_m_s: float,
+        p_left_pa: float,
+        p_right_pa: float,
+        electric_power_w: float,
+        batch: bytes,
+    ) -> None:
+        self.x_m = x_m
+        self.v_m_s = v_m_s
+        self.p_left_pa = p_left_pa
+        self.p_right_pa = p_right_pa
+        self.electric_power_w = electric_power_w
+        self.batch = batch
 
 
-class Ordered(NamedTuple):
+@final
+class Ordered(Value):
     """A fault ordered while the engine ran: as it came, when, and how many edges were past."""
 
-    text: str
-    t_ns: int
-    next_edge: int
+    __slots__ = ("text", "t_ns", "next_edge")
+
+    def __init__(self, text: str, t_ns: int, next_edge: int) -> None:
+        self.text = text
+        self.t_ns = t_ns
+        self.next_edge = next_edge
 
 
-class LoopMemory(NamedTuple):
-    """The state of the engine, and of what is around it: codec, answers, silence, faults."""
+@final
+class LoopMemory(Value):
+    """The state of the engine, and of what is around it: frames sent, answers, faults."""
 
-    state: PlantState
-    sent: tuple[int, ...]
-    received: DecoderMemory
-    first_tick: int
-    used_tick: int
-    answered: int
-    answered_before: bool
-    peer_lost: bool
-    silent_turns: int
-    throttle: float
-    measured: Measured
-    ordered: tuple[Ordered, ...]
+    __slots__ = ("state", "sent", "answers", "measured", "ordered")
+
+    def __init__(
+        self,
+        state: PlantState,
+        sent: tuple[int, ...],
+        answers: AnswersMemory,
+        measured: Measured,
+        ordered: tuple[Ordered, ...],
+    ) -> None:
+        self.state = state
+        self.sent = sent
+        self.answers = answers
+        self.measured = measured
+        self.ordered = ordered

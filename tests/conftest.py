@@ -1,5 +1,24 @@
-"""Tests look into modules and replace parts of them, which only interpreted ones allow."""
+"""Tests run interpreted loops, or those compiled into the directory HIL_TEST_COMPILED."""
 
 import os
 
-os.environ["HIL_COMPILED"] = "off"
+import pytest
+
+COMPILED = os.environ.get("HIL_TEST_COMPILED")
+os.environ["HIL_COMPILED"] = COMPILED or "off"
+
+
+def pytest_configure():
+    """See that the loops are those that were asked for: an edited source would be interpreted."""
+    from hil import compiled
+
+    if compiled.in_force() != bool(COMPILED):
+        raise pytest.UsageError(f"HIL_TEST_COMPILED={COMPILED}: not compiled from these sources")
+
+
+def pytest_collection_modifyitems(items):
+    """Leave out what needs interpreted loops where they are compiled, and say why."""
+    for item in items:
+        mark = item.get_closest_marker("interpreted")
+        if mark is not None and COMPILED:
+            item.add_marker(pytest.mark.skip(reason=f"interpreted loops only: {mark.args[0]}"))

@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import Section
+from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN
-from hil.messages import MachineCommand
-from hil.prototypes import DEFAULT
-from hil.signals import most_of
+from hil.wire.fields import most_of
+from hil.wire.messages import MachineCommand
 
-ControllerName = Literal[
-    "cascade", "single-loop", "open-loop", "pdf", "predictive", "observer", "machine"
-]
+LawName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,39}$")]
+"""Of a piston-motion law; which there are is known where a controller is built."""
+
 
 _WIRE_FORCE_N = most_of(MachineCommand, "force_n")
 
@@ -58,7 +58,7 @@ class CascadeConfig(Section):
 
     outer: m/s of velocity reference per m of TDC error
     inner: kg of fuel per m/s of velocity error
-    Found by `python -m bench.tune cascade`; objective and result are in docs/tuning.md.
+    Found by `python -m bench.studies.tune cascade`; objective and result are in docs/tuning.md.
     """
 
     outer: OuterGains = OuterGains()
@@ -256,7 +256,7 @@ class Preset(Section):
 class Tuning(Section):
     """Where the gains of a law come from; for people, nothing acts on it."""
 
-    law: ControllerName
+    law: LawName
     objective: str
     cells: tuple[str, ...] = ()
     method: str = ""
@@ -267,7 +267,7 @@ class Tuning(Section):
 class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
-    name: ControllerName = "cascade"
+    name: LawName = "cascade"
     tdc_ref_m: Metres | None = None
     running: bool = Field(default=True, description="begins with the engine already running")
     cascade: CascadeConfig = CascadeConfig()

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from hil.config.base import Section, Tree, read_toml
 from hil.config.check import check
+from hil.config.prototypes import PROTOTYPES, model_files
 from hil.config.ranges import (
     FlowKgS,
     ForceN,
@@ -24,7 +25,6 @@ from hil.config.ranges import (
     TemperatureK,
 )
 from hil.errors import ConfigError
-from hil.prototypes import PROTOTYPES, model_files
 
 Metres = Annotated[float, Field(gt=0.0, le=1.0)]
 Position = Annotated[float, Field(ge=-1.0, le=1.0)]

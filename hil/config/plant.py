@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import OneOf, Section
+from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 from hil.config.ranges import (
     STALE_TICKS,
     DeadTimeS,
@@ -15,7 +16,6 @@ from hil.config.ranges import (
     Restitution,
     StaleTicks,
 )
-from hil.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
@@ -135,14 +135,18 @@ class PlantConfig(Section):
 class _Timed(Section):
     """When: in the first stroke that starts at or after `at_s`, after a fraction of it."""
 
-    at_s: Second = 0.0
-    at_stroke_fraction: Fraction = 0.0
+    at_s: Second = Field(
+        default=0.0, description="acts in the first stroke that starts at or after this"
+    )
+    at_stroke_fraction: Fraction = Field(
+        default=0.0, description="after this fraction of that stroke's undisturbed duration"
+    )
 
 
 class _Lasting(_Timed):
     """A disturbance that may end, by the same rule as it begins."""
 
-    until_s: Second | None = None
+    until_s: Second | None = Field(default=None, description="ends by the same rule; open: never")
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> Self:
@@ -152,14 +156,20 @@ class _Lasting(_Timed):
 
 
 class LoadScaleEvent(_Lasting):
-    """The load coefficient in force is `value` times the commanded one."""
+    """The load coefficient in force is `value` times the commanded one.
+
+    value: factor of the commanded load
+    """
 
     kind: Literal["load-scale"]
     value: Annotated[float, Field(ge=0.0, le=10.0)]
 
 
 class EfficiencyEvent(_Lasting):
-    """Combustion efficiency, drawn anew for each combustion, uniform in [low, high]."""
+    """Combustion efficiency, drawn anew for each combustion, uniform in [low, high].
+
+    low, high: limits of what is drawn, low no more than high
+    """
 
     kind: Literal["efficiency"]
     low: Fraction = 0.95
@@ -173,7 +183,12 @@ class EfficiencyEvent(_Lasting):
 
 
 class MisfireEvent(_Timed):
-    """The next `count` combustions fail, for want of a spark or of fuel."""
+    """The next `count` combustions fail, for want of a spark or of fuel.
+
+    at_stroke_fraction: always 0: a combustion fails or not as a whole
+    count: how many fail
+    cause: what is missing
+    """
 
     kind: Literal["misfire"]
     at_stroke_fraction: Annotated[float, Field(ge=0.0, le=0.0)] = 0.0
@@ -182,7 +197,13 @@ class MisfireEvent(_Timed):
 
 
 class SensorFaultEvent(_Timed):
-    """One signal is replaced: held, set to `value`, or shifted by `value`."""
+    """One signal is replaced: held, set to `value`, or shifted by `value`.
+
+    signal: position or velocity
+    substitute: what takes its place
+    value: m or m/s, of value and offset
+    duration_s: how long
+    """
 
     kind: Literal["sensor-fault"]
     signal: Literal["x", "v"]

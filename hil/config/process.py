@@ -17,14 +17,23 @@ SNAPSHOT_HZ = 4
 
 
 class RunConfig(Section):
-    """One run: how long, with which seed."""
+    """One run.
+
+    duration_s: how long, of simulated time
+    seed: of everything random
+    """
 
     duration_s: float = Field(default=2.0, gt=0.0, le=86_400.0)
     seed: int = Field(default=1, ge=0, le=2**63 - 1)
 
 
 class LoopConfig(Section):
-    """The fixed step and what paces it."""
+    """The fixed step and what paces it.
+
+    rate_hz: ticks a second
+    clock: in real time, or lockstep: as fast as both can, with the same numbers every time
+    peer_timeout_s: how long a process waits for the other one at the start
+    """
 
     rate_hz: int = Field(default=1000, ge=100, le=20_000)
     clock: ClockName = "realtime"
@@ -55,7 +64,12 @@ class TlsConfig(Section):
 
 
 class ZenohConfig(Section):
-    """Where the Zenoh link listens and connects; nothing beyond this machine unless said so."""
+    """Where the Zenoh link listens and connects; nothing beyond this machine unless said so.
+
+    engine: name of the pair, part of every key
+    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`
+    allow_insecure: lets an endpoint leave the machine without mutual TLS
+    """
 
     engine: str = Field(default="fpeg", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")
     plant_endpoint: str = "tcp/127.0.0.1:7447"
@@ -65,7 +79,12 @@ class ZenohConfig(Section):
 
 
 class LinkConfig(Section):
-    """How plant and controller exchange frames."""
+    """How plant and controller exchange frames.
+
+    kind: what joins them
+    bus: the CAN bus of kind can, INTERFACE:CHANNEL
+    bitrate_bit_s: of the CAN bus
+    """
 
     kind: LinkName = "zenoh"
     bus: str | None = Field(default=None, pattern=r"^[a-z0-9_]+:.+$")
@@ -89,7 +108,12 @@ class LinkConfig(Section):
 
 
 class RealtimeConfig(Section):
-    """What the process asks of the operating system; what it was granted goes into the log."""
+    """What the process asks of the operating system; what it was granted goes into the log.
+
+    cpu: the one core to run on
+    lock_memory: keeps all pages in memory
+    spin_s: time before a deadline in which sleeping turns into polling
+    """
 
     priority: int = Field(default=20, ge=0, le=98, description="SCHED_FIFO priority, 0: leave")
     cpu: int | None = Field(default=None, ge=0, le=1023)
@@ -98,7 +122,13 @@ class RealtimeConfig(Section):
 
 
 class LogConfig(Section):
-    """Recording."""
+    """Recording.
+
+    enabled: whether logs are written
+    plant, controller: files to write
+    segment_bytes, segment_s: where a log goes on in another file
+    retain_bytes: how much of the earlier files is kept
+    """
 
     enabled: bool = True
     plant: Path | None = None

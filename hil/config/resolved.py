@@ -1,7 +1,7 @@
 """A scenario that leaves nothing open: what every loop, log, replay and report is given.
 
 It is a scenario with the same keys; what the models and engines decide has a value in it, and its
-type says so. `bench.resolve.resolve` makes one of a scenario.
+type says so. `bench.run.resolve.resolve` makes one of a scenario.
 """
 
 from __future__ import annotations

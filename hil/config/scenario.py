@@ -6,24 +6,29 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hil.busload import check_fit
 from hil.config.base import OneOf, Section
-from hil.config.controller import ControllerConfig, ControllerName
+from hil.config.controller import ControllerConfig, LawName
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig, PlantEvent
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
-from hil.messages import OPERATING_MODES
+from hil.wire.busload import check_fit
+from hil.wire.messages import OPERATING_MODES
 
 
 class OperatorEvent(Section):
-    """A command of the operator at a given time, as if it came over the command key."""
+    """A command of the operator at a given time, as if it came over the command key.
+
+    at_s: given at the tick of this time
+    tdc_ref_m, target_power_w: one or both, of set-point
+    law: the law that takes over, of law
+    """
 
     kind: Literal["start", "stop", "set-point", "law"]
     at_s: float = Field(ge=0.0, le=86_400.0)
     tdc_ref_m: float | None = Field(default=None, gt=0.0, le=0.05)
     target_power_w: float | None = Field(default=None, ge=0.0, le=10_000.0)
-    law: ControllerName | None = None
+    law: LawName | None = None
 
     @model_validator(mode="after")
     def _set_point_has_a_value(self) -> OperatorEvent:
@@ -42,28 +47,39 @@ Event = Annotated[PlantEvent | OperatorEvent, Field(discriminator="kind")]
 
 
 class Expectation(Section):
-    """One thing that must hold; `after_s` counts from the event named by `event`, or from 0.
+    """One thing that must hold.
 
-    within_mm: the first TDC after the last one farther off its set point comes by then
-    peak_mm: no TDC error at all exceeds this, from then on
-    mode: operating mode at the end
-    at_rest: the piston's last speed is below 1 cm/s
-    contacts: how many head contacts are allowed
-    misfires_min: at least so many misfires must have been reported by the plant
+    event: name of an event; if that did not happen, or was refused, the expectation is not met
+    after_s: counts from the instant of that event, without one from the start
+    within_mm: the first dead centre after the last one outside this band about its set point comes
+        no later than after_s
+    peak_mm: from after_s on no dead centre is further than this from its set point
+    mode: the controller ends in it; running is generating, of an engine in which nothing ever fires
+        motoring
+    at_rest: whether the last speed is below 1 cm/s
+    contacts: there were at most so many contacts with a head
+    misfires_min: the plant reported at least so many misfires
     """
 
     event: str | None = None
     after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
     within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
     peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: ModeName | None = None
+    mode: Literal["off", "motoring", "generating", "stopping", "safe", "running"] | None = None
     at_rest: bool | None = None
     contacts: int | None = Field(default=None, ge=0)
     misfires_min: int | None = Field(default=None, ge=0)
 
 
 class Scenario(Section):
-    """The whole configuration of a run: this, resolved, is what each log carries."""
+    """The whole configuration of a run: this, resolved, is what each log carries.
+
+    name: of the run and its directory
+    description: for people
+    begins: in the settled motion of the model, or at rest
+    events: below
+    expect: below
+    """
 
     name: str = Field(default="unnamed", pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
     description: str = ""

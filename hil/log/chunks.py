@@ -13,8 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from numpy.typing import NDArray
 
+from hil.log.records import CDR_LE, MESSAGE, PAYLOAD_OFFSET
 from hil.log.summary import ChunkPlace, read_at
-from hil.records import CDR_LE, MESSAGE, PAYLOAD_OFFSET
 
 MAX_CHUNK_BYTES = 1 << 30
 _INDEX_HEAD = 15  # opcode, length, channel, bytes of the entries

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from hil.errors import LogError
 from hil.log import chunks, summary
+from hil.log.records import PAYLOAD_OFFSET, Field, Layout, parse_definition
 from hil.log.summary import ChunkPlace
-from hil.records import PAYLOAD_OFFSET, Field, Layout, parse_definition
 
 BROKEN = (
     McapError,

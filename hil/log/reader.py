@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hil.errors import LogError
 from hil.log.part import ALWAYS, Attachment, Part, Span, TopicInfo, open_part
-from hil.segments import segments_before
+from hil.log.segments import segments_before
 
 if TYPE_CHECKING:
     import pandas

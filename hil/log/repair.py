@@ -19,7 +19,7 @@ from mcap.records import Channel, Header, Metadata, Schema
 from hil.errors import LogError
 from hil.log import chunks, summary
 from hil.log.part import BROKEN, why
-from hil.records import MAGIC, MESSAGE
+from hil.log.records import MAGIC, MESSAGE
 
 _BODIES = (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL)
 _KNOWN = {int(opcode) for opcode in Opcode}

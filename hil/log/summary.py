@@ -20,7 +20,7 @@ from mcap.records import (
     Statistics,
 )
 
-from hil.records import FORMAT, LIBRARY, MAGIC
+from hil.log.records import FORMAT, LIBRARY, MAGIC
 
 RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI8s")

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import MissingExtraError
-from hil.log.part import ALWAYS, Span
+from hil.log.part import ALWAYS, Span, TopicInfo
 
 if TYPE_CHECKING:
     import pandas
     import polars
 
-    from hil.log.reader import Log
-
 Columns = dict[str, Any]
 _ROWS = 20_000
+
+
+class Log(Protocol):
+    """What is needed of a log; the reader's own class, which offers these frames, fulfils it."""
+
+    topics: dict[str, TopicInfo]
+
+    def blocks(self, topic: str, span: Span = ...) -> Iterator[NDArray[Any]]:
+        """Yield the messages of a fixed-size topic as structured arrays."""
+
+    def records(self, topic: str, span: Span = ...) -> Iterator[Any]:
+        """Yield the messages of any topic as named tuples."""
+
+    def units(self, topic: str) -> dict[str, str]:
+        """Return the unit of each field that has one, or raise LogError: no such topic."""
 
 
 def columns(log: Log, topic: str, span: Span = ALWAYS) -> Iterator[Columns]:

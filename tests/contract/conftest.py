@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import pytest
 
-from drivers.can_zenoh_segment import DIRECTORY_VARIABLE
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE
 from drivers.links import open_link, open_memory
-from hil.codec import Encoder
 from hil.config.process import LinkConfig, LoopConfig, ZenohConfig
-from hil.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
+from hil.wire.codec import Encoder
+from hil.wire.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
 
 _numbers = itertools.count()
 

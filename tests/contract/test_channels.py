@@ -10,7 +10,7 @@ import zenoh
 
 from drivers.channels import MAX_COMMAND_BYTES, MemoryCommands, MemoryStatus, origin_text
 from drivers.links import open_link, open_operator
-from drivers.zenoh_config import session_config
+from drivers.zenoh.config import session_config
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
 

@@ -8,8 +8,8 @@ from collections import defaultdict
 import pytest
 from mcap.reader import make_reader
 
-from bench.resolve import resolve
-from drivers.recorder import wait_finished
+from bench.run.resolve import resolve
+from drivers.recorder.client import wait_finished
 from hil.config.load import build
 
 DEADLINE_S = 60.0
@@ -65,7 +65,7 @@ def run(folder, link):
     config.write_text(resolve(build(tree, "test"), sockets).model_dump_json())
     logs = [folder / "plant.mcap", folder / "controller.mcap"]
     if link == "memory":
-        finish(start("bench.single", "--config", config,
+        finish(start("bench.run.single_process", "--config", config,
                      "--plant-log", logs[0], "--controller-log", logs[1]))  # fmt: skip
     else:
         finish(*(
@@ -127,7 +127,7 @@ def test_summary_of_a_process_is_one_json_line(tmp_path):
     config = tmp_path / "scenario.json"
     tree = SCENARIO | {"link": {"kind": "memory"}, "run": {"duration_s": 0.02}, "events": {}}
     config.write_text(resolve(build(tree, "test")).model_dump_json())
-    process = start("bench.single", "--config", config)
+    process = start("bench.run.single_process", "--config", config)
     output, errors = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, errors) == (0, "")
     facts = json.loads(output.splitlines()[-1])

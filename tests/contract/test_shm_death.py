@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.links import open_link
-from drivers.shm_link import BATCH_MAX_BYTES
+from drivers.shm.link import BATCH_MAX_BYTES
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import LinkError, MissingExtraError
 
@@ -101,7 +101,7 @@ def test_a_batch_that_does_not_fit_is_refused(shm_config):
 
 
 def test_without_the_library_the_extra_is_named(shm_config, monkeypatch):
-    monkeypatch.setattr("drivers.shm_link.iox", None)
+    monkeypatch.setattr("drivers.shm.link.iox", None)
     with pytest.raises(MissingExtraError, match=r"fpeg-hil\[shm\]"):
         open_link("plant", shm_config, LOOP)
     monkeypatch.undo()

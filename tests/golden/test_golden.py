@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bench import golden
-from bench.golden import CASES, Case
-from bench.replay import replay_file
+from bench.dev import golden
+from bench.dev.golden_cases import CASES, Case
+from bench.logs.replay.replay import replay_file
 from hil.errors import LogError
 from hil.log.part import ALWAYS
 
@@ -22,7 +22,7 @@ def test_a_golden_run_is_repeated_bit_by_bit(name):
     outcome = replay_file(HERE / name, None, ALWAYS)
     assert outcome.found is None, outcome.found.differences
     assert not outcome.gaps
-    assert outcome.ticks >= 400
+    assert outcome.ticks >= 300
 
 
 def test_every_recorded_run_is_a_case():

@@ -1,12 +1,11 @@
 """A plant with a perfect controller: right fuel, spark 1 ms before each dead centre."""
 
 from hil.config.plant import InjectorConfig, PlantConfig
-from plant.actuation import PulseOrder
-from plant.initial import initial_state
-from plant.models import remaining_s
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from hil.wire.pulses import PulseOrder
+from plant.build import plant_params
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 MS = 1_000_000
 FLOW_US = 2000
@@ -41,7 +40,7 @@ class Rig:
         if self.fed != s.stroke.number:
             self.fed = s.stroke.number
             found.append(PulseOrder(side, now_us % 2**20, FLOW_US + DEAD_US))
-        left_s = remaining_s(self.params.engine, s.stroke, s.path, x=s.x_m, v=s.v_m_s, tau=s.tau_s)
+        left_s = self.params.engine.stroke_s(s.motion, s.machine, 0, 0)
         near = left_s < self.params.dt_s + 1.2e-3
         if near and self.sparked != s.stroke.number:
             self.sparked = s.stroke.number

@@ -4,20 +4,14 @@ import math
 
 import pytest
 
-from bench.bound import (
-    Bound,
-    LoadChange,
-    bound,
-    deadbeat_fuel,
-    step_bound,
-    stroke_end,
-)
+from bench.judge.response import Response
+from bench.studies.bound import LoadChange, bound, deadbeat_fuel, step_bound, stroke_end
+from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError
-from hil.prototypes import BIT, NU
-from plant.limit_cycle import fuel_for_tdc, limit_cycle
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle
 
-H, R = engine_of(NU, "harmonic"), engine_of(NU, "rectangular")
+H, R = constants_of(NU, "harmonic"), constants_of(NU, "rectangular")
 REF, LOAD = 0.0155, 810.0
 
 FULL = [
@@ -65,7 +59,7 @@ def test_without_control_the_error_goes_where_the_closed_form_says():
 @pytest.mark.parametrize("model", ["harmonic", "rectangular", "nonlinear"])
 @pytest.mark.parametrize("prototype", [NU, BIT])
 def test_deadbeat_fuel_of_the_settled_engine_is_its_steady_fuel(prototype, model):
-    engine = engine_of(prototype, model)
+    engine = constants_of(prototype, model)
     ref, load = prototype.tdc_ref_m, prototype.load_coefficient_n_s_m
     fuel = fuel_for_tdc(engine, ref, load)
     assert deadbeat_fuel(engine, ref, ref, load) == pytest.approx(fuel, rel=1e-5)
@@ -98,7 +92,7 @@ def test_a_weak_combustion_costs_one_stroke():
 
 
 def test_settling_of_a_bound_that_never_leaves_the_band_is_the_first_dead_centre():
-    assert Bound((0.02, 0.04), (0.05, 0.0), (1e-6, 1e-6)).settling_ms == pytest.approx(20.0)
+    assert Response((0.02, 0.04), (0.05, 0.0)).settling_ms == pytest.approx(20.0)
 
 
 def test_no_settled_motion_is_said_so():

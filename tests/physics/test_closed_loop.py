@@ -8,10 +8,10 @@ from statistics import mean, stdev
 
 import pytest
 
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import find
-from bench.tune import CELLS, Cell, gains_in_force, judge
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import find
+from bench.studies.tune import CELLS, Cell, gains_in_force, judge
 from hil.config.base import read_toml
 from hil.config.load import build, with_override
 

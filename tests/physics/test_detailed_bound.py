@@ -2,9 +2,9 @@
 
 import pytest
 
-from bench.bound_detailed import step_bound
+from bench.studies.bound_detailed import step_bound
 from hil.config.detailed import read
-from plant.detailed.settle import settle
+from plant.engines.detailed.settle import settle
 
 ENGINE = read("nu-two-stroke")
 FUEL_KG = ENGINE.heat.energy_j / ENGINE.heat.heating_value_j_kg

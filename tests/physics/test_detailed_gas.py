@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.config.detailed import read
+from hil.config.prototypes import ENGINES
 from hil.errors import ConfigError
-from hil.prototypes import ENGINES
-from plant.detailed import layout as at
-from plant.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
-from plant.detailed.gas import flow, heat_release, heat_to_wall
-from plant.detailed.kernel import rates
-from plant.detailed.solver import scratch
-from plant.detailed.steps import linearise, rosenbrock, valve_rate
+from plant.engines.detailed import layout as at
+from plant.engines.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
+from plant.engines.detailed.gas import flow, heat_release, heat_to_wall
+from plant.engines.detailed.kernel import case_pressure, pressure, rates
+from plant.engines.detailed.solver import scratch
+from plant.engines.detailed.steps import linearise, rosenbrock, valve_rate
 
 ENGINE = engine_of(read("nu-two-stroke"))
 P = ENGINE.p
@@ -89,6 +89,27 @@ def test_closed_cylinder_without_losses_is_an_isentrope():
     p_gas = (c.gas.gamma - 1) * motion.y[at.U] / (area * gap)
     assert p_gas == pytest.approx(1e5 * (0.035 / gap) ** c.gas.gamma, rel=1e-7)
     assert len(strokes(motion)) > 3
+
+
+def test_rings_leak_to_the_scavenge_pressure():
+    """Appendix I eq. 15: with a pump, nothing passes the rings at the pressure beneath them."""
+    engine = engine_of(read("bit-starting"))
+    motion = at_rest(engine)
+    out = np.zeros(at.N_Y)
+    y = motion.y
+    y[at.CASE_U] *= 1.3
+    y[at.CASE_M] *= 1.3
+    level = case_pressure(engine.p, y, 0) / pressure(engine.p, y, 0)
+    flows = []
+    for ratio in (level, 2.0 * level, 0.5 * level):
+        there = y.copy()
+        there[at.U] *= ratio
+        there[at.M] *= ratio
+        rates(engine.p, motion.d, there, out, 0.0)
+        flows.append((out[at.SUM + at.M_LEAK], out[at.CASE_M]))
+    assert flows[0][0] == pytest.approx(0.0, abs=1e-12)
+    assert flows[1][0] > 0.0 > flows[2][0]
+    assert [case for _, case in flows[1:]] == [leak for leak, _ in flows[1:]]
 
 
 @pytest.mark.parametrize("path", sorted(ENGINES.glob("*/*.toml")), ids=lambda p: p.parent.name)

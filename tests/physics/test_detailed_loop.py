@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.offline import simulate
-from bench.resolve import resolve
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from hil.config.load import build
 
 

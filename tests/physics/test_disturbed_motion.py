@@ -6,13 +6,13 @@ import pytest
 from plant_rig import Rig, make
 
 from hil.config.plant import EfficiencyEvent, LoadScaleEvent, MisfireEvent
-from hil.prototypes import NU
-from plant.limit_cycle import fuel_for_tdc
-from plant.params import engine_of
+from hil.config.prototypes import NU
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_for_tdc
 
-H = fuel_for_tdc(engine_of(NU, "harmonic"), 0.0155, 810.0)
-R = fuel_for_tdc(engine_of(NU, "rectangular"), 0.0155, 810.0)
-N = fuel_for_tdc(engine_of(NU, "nonlinear"), 0.0155, 810.0)
+H = fuel_for_tdc(constants_of(NU, "harmonic"), 0.0155, 810.0)
+R = fuel_for_tdc(constants_of(NU, "rectangular"), 0.0155, 810.0)
+N = fuel_for_tdc(constants_of(NU, "nonlinear"), 0.0155, 810.0)
 
 
 def load(value, **when):

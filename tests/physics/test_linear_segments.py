@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from plant.linear import (
+from plant.engines.fast.linear import (
     CRITICAL,
     OVERDAMPED,
     UNDERDAMPED,

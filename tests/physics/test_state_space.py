@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
+from hil.config.prototypes import NU
 from hil.errors import ConfigError, MissingExtraError
-from hil.prototypes import NU
-from plant.params import engine_of
-from plant.state_space import (
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.state_space import (
     LinearModel,
     as_control_system,
     damping_ratio,
@@ -22,7 +22,7 @@ from plant.state_space import (
     transfer_function,
 )
 
-ENGINE = engine_of(NU, "harmonic")
+ENGINE = constants_of(NU, "harmonic")
 RUNNING = linear_model(ENGINE, 2.8185e-6, 810.0)
 
 

@@ -57,7 +57,8 @@ def test_can_and_zenoh_give_the_same_frames_in_lockstep(tmp_path, environment):
 
 def wait_for_nodes(environment, count):
     code = (
-        "import time\nfrom drivers.can_zenoh_segment import channels\nend = time.monotonic() + 20\n"
+        "import time\nfrom drivers.can.virtual.directory import channels\n"
+        "end = time.monotonic() + 20\n"
         f"while channels().get('can0', 0) < {count} and time.monotonic() < end: time.sleep(0.05)"
     )
     subprocess.run([sys.executable, "-c", code], env=environment, timeout=30, check=True)

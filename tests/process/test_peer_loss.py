@@ -13,9 +13,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from bench.resolve import resolve
+from bench.run.resolve import resolve
 from drivers.links import open_operator
-from drivers.recorder import wait_finished
+from drivers.recorder.client import wait_finished
 from hil.config.load import build
 
 DEADLINE_S = 40.0

@@ -16,11 +16,20 @@ from mcap.records import Channel, Schema
 from mcap.stream_reader import StreamReader
 
 import hil.log
-from drivers import ring
-from drivers.mcap_file import McapFile, index_messages
-from drivers.recorder import NullRecorder, Recorder, wait_finished
+from drivers.recorder import ring
+from drivers.recorder.client import NullRecorder, Recorder, wait_finished
+from drivers.recorder.mcap_file import McapFile, index_messages
 from hil.errors import ConfigError, RunError
-from hil.topics import ACTUATOR, ALL, EVENT, FRAMES_RECEIVED, FRAMES_SENT, SENSOR, TIMING, TRUTH
+from hil.log.topics import (
+    ACTUATOR,
+    ALL,
+    EVENT,
+    FRAMES_RECEIVED,
+    FRAMES_SENT,
+    SENSOR,
+    TIMING,
+    TRUTH,
+)
 
 ZEROS = (0, 0, 0, 0)
 
@@ -46,7 +55,7 @@ RECORDS_A_TICK = 6
 WRITER = """
 import mmap, sys, pathlib, os
 sys.path[:0] = {paths!r}
-from drivers.recorder import Recorder
+from drivers.recorder.client import Recorder
 from test_recorder import tick_records
 count = memoryview(mmap.mmap(int(sys.argv[2]), 4096)).cast("Q")
 recorder = Recorder.open(pathlib.Path(sys.argv[1]), {{"run": {{}}}}, blocking=True)

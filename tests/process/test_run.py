@@ -48,6 +48,47 @@ def test_an_expectation_that_is_not_met_is_exit_1(tmp_path):
     assert summary_of(tmp_path)["exit_code"] == 1
 
 
+def made_run(directory, text, *options):
+    """Run a scenario of its own text in memory."""
+    scenario = directory / "own.toml"
+    scenario.write_text(f'name = "own"\nbegins = "settled"\nrun.duration_s = 0.6\n{text}')
+    out = str(directory / "out")
+    return run(str(scenario), "--link", "memory", *LOCKSTEP, "--out", out, *options)
+
+
+def test_a_scenario_that_expects_nothing_says_so(tmp_path):
+    done = made_run(tmp_path, "")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "own: nothing expected" in done.stdout
+    assert summary_of(tmp_path / "out")["verdict"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        ('kind = "set-point"\ntdc_ref_m = 0.03', "tdc_ref_m=0.03 from scenario: accepted up to"),
+        ('kind = "law"\nlaw = "observer"', "accepted: harmonic, rectangular"),
+    ],
+    ids=["set point", "law"],
+)
+def test_a_refused_event_is_exit_4_and_told_with_its_bound(tmp_path, event, told):
+    text = f'plant.model = "nonlinear"\n[events.change]\nat_s = 0.2\n{event}\n'
+    done = made_run(tmp_path, text + '[expect.engine]\nmode = "generating"\n')
+    assert done.returncode == 4
+    (line,) = [line for line in done.stdout.splitlines() if " refused: " in line]
+    assert "event 'change' refused: " in line
+    assert told in line
+    assert summary_of(tmp_path / "out")["verdict"] == "blocked"
+
+
+def test_the_final_mode_is_known_of_a_log_that_has_lost_its_beginning(tmp_path):
+    text = 'plant.prototype = "nu"\n[events.stop]\nkind = "stop"\nat_s = 0.1\n[expect.e]\n'
+    options = ["--set", "run.duration_s=6.0", "--log-segment", "1s", "--log-retain", "256KiB"]
+    done = made_run(tmp_path, text + 'mode = "off"\n', *options)
+    assert not (tmp_path / "out" / "controller.0001.mcap").exists()
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_an_impossible_begin_is_exit_2_and_leaves_nothing(tmp_path):
     done = run("steady", "--controller", "open-loop", "--set", "controller.preset.fuel_kg=5e-6",
                "--out", str(tmp_path / "out"))  # fmt: skip

@@ -11,13 +11,13 @@ import pytest
 from test_recorder import RECORDS_A_TICK, tick_records
 
 import hil.log
-from bench import scenarios
-from bench.commands import log_flags
-from drivers.process import rotation_of
-from drivers.recorder import Recorder, Rotation, wait_finished
+from bench.run import scenarios
+from bench.run.commands import log_flags
+from drivers.recorder.client import Recorder, Rotation, wait_finished
+from drivers.system.process import rotation_of
 from hil.errors import ConfigError, LogError, RunError
-from hil.segments import segment_path, segments_before
-from hil.topics import FRAMES_SENT
+from hil.log.segments import segment_path, segments_before
+from hil.log.topics import FRAMES_SENT
 
 RNG = random.Random(3)
 

@@ -39,7 +39,7 @@ class Manager:
         }
         arguments = [process, "--config", str(config), "--logs", str(self.directory)]
         self.child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "bench.service", *arguments],
+            [sys.executable, "-P", "-m", "bench.run.service", *arguments],
             env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
 
@@ -61,7 +61,7 @@ class Manager:
         out = self.directory / "set-points.json"
         arguments = ["set-points", "--config", str(self._config), "--out", str(out)]
         return subprocess.run(
-            [sys.executable, "-P", "-m", "bench.service", *arguments], check=False,
+            [sys.executable, "-P", "-m", "bench.run.service", *arguments], check=False,
             stderr=subprocess.DEVNULL,
         ).returncode  # fmt: skip
 
@@ -186,7 +186,7 @@ def test_what_is_no_service_is_refused(tmp_path: Path, line: str, named: str) ->
     path = tmp_path / "engine.toml"
     path.write_text(f"[loop]\n{line}\n")
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "bench.service", "plant", "--config", str(path)],
+        [sys.executable, "-P", "-m", "bench.run.service", "plant", "--config", str(path)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2

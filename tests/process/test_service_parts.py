@@ -11,22 +11,21 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import hil.log
 from controller.duty import RESUME_TRIES, DutyCommands, Resumption
-from controller.start_restart import Mode
+from controller.mode.start_restart import Mode
 from drivers.channels import MemoryCommands
-from drivers.keepsake import SIZE, Keepsake
-from drivers.recorder import Recorder, wait_finished
-from drivers.service import KEPT_LOGS, Heart, log_file
-from drivers.systemd_notify import Notifier
-from hil import topics
+from drivers.recorder.client import Recorder, wait_finished
+from drivers.system.keepsake import SIZE, Keepsake
+from drivers.system.notify import Notifier
+from drivers.system.service import KEPT_LOGS, Heart, log_file
 from hil.errors import ConfigError, RunError
-from hil.pacing import NEVER
+from hil.log import topics
+from hil.values import NEVER
 
 
 @pytest.fixture
@@ -109,7 +108,7 @@ def test_a_hang_up_is_told_to_the_loop_once(notifier: Notifier) -> None:
 def test_what_is_kept_outlives_the_process(tmp_path: Path) -> None:
     path = tmp_path / "duty.json"
     program = (
-        "import os, pathlib, sys; from drivers.keepsake import Keepsake;"
+        "import os, pathlib, sys; from drivers.system.keepsake import Keepsake;"
         "Keepsake(pathlib.Path(sys.argv[1])).keep({'running': True}); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", program, str(path)], check=False)
@@ -123,10 +122,6 @@ def test_what_was_cut_in_two_is_nothing(tmp_path: Path, content: bytes) -> None:
     assert Keepsake(path).read() == {}
 
 
-def loop_in(mode: Mode, stale: int = 0) -> Any:
-    return SimpleNamespace(state=SimpleNamespace(mode=mode, stale=stale))
-
-
 def all_of(commands: DutyCommands) -> list[tuple[str, bytes]]:
     return list(iter(commands.poll, None))
 
@@ -136,7 +131,7 @@ def test_a_predecessor_that_ran_the_engine_speaks_first() -> None:
     commands = DutyCommands(others)
     others.submit("operator", {"kind": "start"})
     resumption = Resumption({"running": True, "tdc_ref_m": 0.0152, "target_power_w": None})
-    resumption.attend(loop_in(Mode.OFF), commands)
+    resumption.attend(Mode.OFF, commands, stale=0)
     assert all_of(commands) == [
         ("resume", b'{"kind": "set-point", "tdc_ref_m": 0.0152}'),
         ("resume", b'{"kind": "start"}'),
@@ -146,13 +141,13 @@ def test_a_predecessor_that_ran_the_engine_speaks_first() -> None:
 
 def test_a_start_is_asked_for_only_on_fresh_samples_and_until_it_is_obeyed() -> None:
     commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
-    resumption.attend(loop_in(Mode.OFF, stale=3), commands)
+    resumption.attend(Mode.OFF, commands, stale=3)
     assert commands.idle
     for _ in range(2):
-        resumption.attend(loop_in(Mode.OFF), commands)
+        resumption.attend(Mode.OFF, commands, stale=0)
         assert all_of(commands) == [("resume", b'{"kind": "start"}')]
-    resumption.attend(loop_in(Mode.MOTORING), commands)
-    resumption.attend(loop_in(Mode.SAFE), commands)
+    resumption.attend(Mode.MOTORING, commands, stale=0)
+    resumption.attend(Mode.SAFE, commands, stale=0)
     assert commands.idle
 
 
@@ -160,7 +155,7 @@ def test_a_start_is_not_asked_for_for_ever() -> None:
     commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
     asked = 0
     for _ in range(100):
-        resumption.attend(loop_in(Mode.OFF), commands)
+        resumption.attend(Mode.OFF, commands, stale=0)
         asked += len(all_of(commands))
     assert asked == RESUME_TRIES
 
@@ -170,14 +165,14 @@ def test_an_operators_stop_ends_the_resumption() -> None:
     commands, resumption = DutyCommands(others), Resumption({"running": True})
     others.submit("operator", {"kind": "stop"})
     commands.poll()
-    resumption.attend(loop_in(Mode.OFF), commands)
+    resumption.attend(Mode.OFF, commands, stale=0)
     assert commands.idle
 
 
 @pytest.mark.parametrize("kept", [{}, {"running": False, "tdc_ref_m": 0.0152}, {"running": "yes"}])
 def test_a_predecessor_that_had_stopped_says_nothing(kept: dict[str, Any]) -> None:
     commands = DutyCommands(MemoryCommands())
-    Resumption(kept).attend(loop_in(Mode.OFF), commands)
+    Resumption(kept).attend(Mode.OFF, commands, stale=0)
     assert commands.idle
 
 
@@ -214,7 +209,7 @@ def record_for_a_connection(path: Path, ready: threading.Event) -> None:
         connection, _ = listening.accept()
         with connection:
             subprocess.run(
-                [sys.executable, "-P", "-m", "drivers.recorder_process"], stdin=connection,
+                [sys.executable, "-P", "-m", "drivers.recorder.process"], stdin=connection,
                 check=True,
             )  # fmt: skip
 
@@ -245,7 +240,8 @@ def test_the_log_is_finished_after_a_kill(tmp_path: Path) -> None:
     ready.wait(10.0)
     log = tmp_path / "log.mcap"
     program = (
-        "import os, pathlib, sys; from drivers.recorder import Recorder; from hil import topics\n"
+        "import os, pathlib, sys; from hil.log import topics\n"
+        "from drivers.recorder.client import Recorder\n"
         "r = Recorder.open(pathlib.Path(sys.argv[1]), {}, blocking=True)\n"
         "r.put(topics.EVENT.pack(0, 0, topics.INFO, 'code', 'text')); os.kill(os.getpid(), 9)"
     )
@@ -272,7 +268,7 @@ def test_a_log_directory_that_is_none_is_named(tmp_path: Path) -> None:
 
 CHURN = """
 import sys
-from hil import realtime
+from drivers.system import realtime
 if sys.argv[1] == "reserved":
     realtime._reserve_memory()
 before = sum(realtime.page_faults())

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hil import messages
-from hil.codec import FRAME, Decoder, Encoder, frames_of
-from hil.generate import dbc_text
-from hil.signals import LAYOUTS
+from bench.dev.dbc import dbc_text
+from hil.wire import messages
+from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
+from hil.wire.fields import LAYOUTS
 
 assert messages.Pulse in {layout.make for layout in LAYOUTS.values()}
 # How long an example takes says something of the machine, not of the codec.

@@ -5,15 +5,18 @@ import math
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from controller.build import initial_state, make_params
 from controller.commands import OperatorCommand
-from controller.estimate import Motion, update
-from controller.laws.pi import pi_step
-from controller.start_restart import Mode
-from controller.state import Inputs, initial_state, make_params
+from controller.mode.operation import Operation
+from controller.mode.start_restart import Mode
+from controller.motion.pi import pi_step
+from controller.observe.estimate import Motion, update
+from controller.state import Inputs
 from controller.step import step
-from hil.codec import Encoder
 from hil.config.controller import ControllerConfig, Gains
-from hil.messages import FIRING_MODES, PistonSample
+from hil.values import fields_of, replace
+from hil.wire.codec import Encoder
+from hil.wire.messages import FIRING_MODES, PistonSample
 
 MS = 1_000_000
 # How long an example takes says something of the machine, not of the controller.
@@ -61,7 +64,7 @@ def test_whatever_is_sensed_the_answer_is_within_limits_and_fits_the_wire(runnin
 @given(st.lists(samples, min_size=10, max_size=60))
 def test_no_order_of_samples_leads_out_of_the_safe_state(story):
     p = params(True, "cascade")
-    state = initial_state(p)._replace(mode=Mode.SAFE)
+    state = replace(initial_state(p), operation=Operation(Mode.SAFE))
     for tick, sample in enumerate(story):
         state, output = step(p, state, Inputs(tick, sample))
         assert state.mode is Mode.SAFE
@@ -95,7 +98,7 @@ def test_estimate_stays_finite_and_between_its_samples(story):
     for tick, (x, v) in enumerate(story):
         before = motion
         motion, passed = update(motion, tick * MS, x, v)
-        assert all(math.isfinite(value) for value in motion)
+        assert all(math.isfinite(getattr(motion, name)) for name in fields_of(Motion))
         assert motion.stroke == before.stroke + passed.dead_centre
         if passed.dead_centre:
             assert before.t_ns <= motion.dc_t_ns <= motion.t_ns

@@ -5,17 +5,17 @@ import tracemalloc
 
 import pytest
 
-from bench import scenarios
-from bench.bus_fuzz import THEORY, fuzz, mutated_frames, random_frames
-from bench.bus_rig import Clock, RigPacer
-from bench.resolve import resolve
-from controller.main import make_loop as make_controller
-from drivers.can_assembly import Assembler
+from bench.bus.fuzz import THEORY, fuzz, mutated_frames, random_frames
+from bench.bus.rig import Clock, RigPacer
+from bench.run import scenarios
+from bench.run.resolve import resolve
+from controller.build import make_loop as make_controller
+from drivers.can.assembly import Assembler
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
-from drivers.recorder import NullRecorder
-from hil.codec import pack_frame
-from plant.main import make_loop as make_plant
+from drivers.recorder.client import NullRecorder
+from hil.wire.codec import pack_frame
+from plant.build import make_loop as make_plant
 
 FEW, MANY = 20_000, 1_000_000
 
@@ -56,7 +56,7 @@ def loops():
 
     links = Link(), Link()
     plant = make_plant(scenario, connection(links[0]), NullRecorder(), pacer)
-    controller = make_controller(scenario, connection(links[1]), pacer, NullRecorder())
+    controller = make_controller(scenario, connection(links[1]), NullRecorder(), pacer)
     return plant, controller, *links
 
 

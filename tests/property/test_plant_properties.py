@@ -5,12 +5,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hil.config.plant import LoadScaleEvent, PlantConfig
-from plant.actuation import MAX_DURATION_US, PulseOrder
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from hil.values import replace
+from hil.wire.pulses import INJECTOR, LONGEST_US, PulseOrder
+from plant.build import plant_params
+from plant.engines.machine import MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 FUEL = {"nonlinear": 1.95e-6}
@@ -57,10 +58,10 @@ def test_no_command_breaks_the_plant(model, script, running, restitution):
         assert len(events) < 100
         now_ns = state.tick * p.period_ns
         assert all(now_ns - p.period_ns <= e.t_ns <= now_ns for e in events)
-        for line in state.pulses.lines:
+        for line in state.pulses.table.lines:
             if line.open is not None:
                 assert now_ns < line.open.close_ns
-                assert line.open.close_ns - line.open.open_ns <= MAX_DURATION_US * 1000
+                assert line.open.close_ns - line.open.open_ns <= LONGEST_US[INJECTOR] * 1000
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -72,7 +73,7 @@ def test_injectors_close_without_being_told(model, script):
     state = [start, *(state for state, _ in play(p, start, script))][-1]
     for _ in range(600):
         state, _ = step(p, state, None)
-    assert all(line.open is None and line.pending is None for line in state.pulses.lines)
+    assert all(line.open is None and line.pending is None for line in state.pulses.table.lines)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -83,7 +84,7 @@ def test_left_and_right_are_mirror_images(model, script):
     mirrored = [
         entry
         and (
-            entry[0] and entry[0]._replace(force_n=-entry[0].force_n),
+            entry[0] and replace(entry[0], force_n=-entry[0].force_n),
             [(SWAP[c] if 0 <= c < 4 else c, a, d) for c, a, d in entry[1]],
             entry[2],
         )

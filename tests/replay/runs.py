@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hil.log
-from bench import golden, scenarios
-from bench.resolve import resolve
-from drivers.mcap_file import McapFile, index_messages
-from hil import topics
+from bench.dev import golden
+from bench.run import scenarios
+from bench.run.resolve import resolve
+from drivers.recorder.mcap_file import McapFile, index_messages
+from hil.log import topics
 
 LOCKSTEP = [("link.kind", "memory"), ("loop.clock", "lockstep")]
 CHANGES = [("events.load.at_s", 0.2), ("run.duration_s", 0.7), *LOCKSTEP]

@@ -4,9 +4,9 @@ import pytest
 from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
-from bench.diff import compare
-from bench.log_commands import diff as diff_command
-from hil import topics
+from bench.logs.commands import diff as diff_command
+from bench.logs.diff import compare
+from hil.log import topics
 
 
 @pytest.fixture(scope="module")

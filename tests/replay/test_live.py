@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import hil.log
-from bench.replay import replay_file
-from hil import topics
+from bench.logs.replay.replay import replay_file
+from hil.log import topics
 from hil.log.part import ALWAYS
 
 LAYOUT = Path(__file__).parents[2] / "docs" / "foxglove-layout.json"

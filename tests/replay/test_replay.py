@@ -7,17 +7,19 @@ import pytest
 from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
-from bench import golden, replay_differences
-from bench.log_commands import replay as replay_command
-from bench.replay import replay_file
-from controller.laws import LAWS, pi
+from bench.dev import golden
+from bench.logs.commands import replay as replay_command
+from bench.logs.replay import differences
+from bench.logs.replay.replay import replay_file
+from controller.motion import pi
+from controller.motion.laws import LAWS
 from drivers import links
-from drivers.recorder import Recorder
-from hil import topics
+from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
-from hil.log import Span
-from hil.records import Layout
-from plant import linear
+from hil.log import Span, topics
+from hil.log.records import Layout
+from hil.values import replace
+from plant.engines.fast import linear
 
 ALWAYS = Span()
 PROCESSES = ("plant", "controller")
@@ -61,9 +63,9 @@ def test_one_ulp_in_a_law_is_found_in_the_tick_in_which_it_is_worked_out(
         nonlocal calls
         state, demand = original.step(*arguments)
         calls += 1
-        return state, (demand._replace(fuel_kg=nudge(demand.fuel_kg)) if calls == 10 else demand)
+        return state, (replace(demand, fuel_kg=nudge(demand.fuel_kg)) if calls == 10 else demand)
 
-    monkeypatch.setitem(LAWS, "cascade", original._replace(step=nudged))
+    monkeypatch.setitem(LAWS, "cascade", replace(original, step=nudged))
     outcome = replayed(run_directory / "controller.mcap")
     with hil.log.open(run_directory / "controller.mcap") as log:
         demand = log.array("/demand")[9]
@@ -76,6 +78,7 @@ def test_one_ulp_in_a_law_is_found_in_the_tick_in_which_it_is_worked_out(
     assert outcome.found.around
 
 
+@pytest.mark.interpreted("replaces a function of the plant's step")
 def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
     calls = 0
     original = linear.evaluate
@@ -86,7 +89,7 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
         x, v = original(path, tau)
         return (nudge(x) if calls == 333 else x), v
 
-    monkeypatch.setattr("plant.step.evaluate", nudged)
+    monkeypatch.setattr("plant.engines.fast.model.evaluate", nudged)
     outcome = replayed(run_directory / "plant.mcap")
     assert outcome.different == 1  # the closed form does not build on the position before
     (difference,) = [d for d in outcome.found.differences if d.topic == "/truth"]
@@ -94,12 +97,13 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
     assert difference.replayed == nudge(difference.recorded)
 
 
+@pytest.mark.interpreted("replaces a function of a law")
 def test_the_command_tells_both_values_and_the_strokes_around(run_directory, monkeypatch, capsys):
     def other(*arguments):
         state, terms = pi.pi_step(*arguments)
-        return state, terms._replace(u=terms.u * 1.001)
+        return state, replace(terms, u=terms.u * 1.001)
 
-    monkeypatch.setattr("controller.laws.cascade.pi_step", other)
+    monkeypatch.setattr("controller.motion.laws.cascade.pi_step", other)
     assert replay_command(run_directory / "controller.mcap", None, None, None) == 1
     told = capsys.readouterr().out
     assert "differs first at tick" in told
@@ -251,12 +255,12 @@ def test_a_log_without_any_input_is_refused(run_directory, tmp_path):
 
 
 def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, monkeypatch):
-    today = replay_differences._TODAY["/truth"]
+    today = differences._TODAY["/truth"]
     fields = (*today.fields, today.fields[-1]._replace(name="extra"))
     newer = today._replace(fields=fields, layout=Layout(fields))
-    monkeypatch.setitem(replay_differences._TODAY, "/truth", newer)
+    monkeypatch.setitem(differences._TODAY, "/truth", newer)
     with hil.log.open(run_directory / "plant.mcap") as log:
-        records = replay_differences.Records(log)
+        records = differences.Records(log)
         told = records.notes()
     assert told == ["/truth.extra is only in today: not compared"]
 

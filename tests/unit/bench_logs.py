@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.outdir import RunFiles
-from bench.scenarios import read
-from drivers.recorder import Recorder
-from hil import topics
+from bench.run.directory import RunFiles
+from bench.run.scenarios import read
+from drivers.recorder.client import Recorder
 from hil.config.scenario import Scenario
+from hil.log import topics
 
 PERIOD_NS = 1_000_000
 
@@ -59,7 +59,7 @@ def _write_plant(path: Path, made: Made) -> None:
             tick, t_ns, 0.0, v_m_s, last.fuel_kg, 810.0, 0, len(past), last.t_ns, last.x_m, 0
         )
         sensor = topics.SENSOR.pack(tick, t_ns, 0.0, v_m_s, 1e5, 1e5, 100.0, 0)
-        log.put(truth + sensor + _timing(tick, made))
+        log.put(truth + (b"" if tick in made.missed else sensor) + _timing(tick, made))
     for t_ns, code, text in made.events:
         log.put(topics.EVENT.pack(t_ns // PERIOD_NS, t_ns, 0, code, text))
     log.close()

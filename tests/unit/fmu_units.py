@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 
 import fmpy
 
-from bench.fmu_export import export
+from bench.fmu.export import export
 
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 FOREIGN_NAMES = {
@@ -60,7 +60,7 @@ def foreign(version: int) -> Path:
 
 
 def _foreign_binary(names: list[str], version: int) -> bytes:
-    source = files("plant.fmu") / "source"
+    source = files("plant.engines.fmu") / "source"
     directory = folder() / f"build{version}"
     shutil.rmtree(directory, ignore_errors=True)
     directory.mkdir()

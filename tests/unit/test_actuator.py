@@ -3,10 +3,10 @@
 import pytest
 
 from controller.actuator import MAX_PULSES, Machine, machine_for, messages, still_open
-from controller.start_restart import Mode
-from controller.timing import PlannedPulse
-from hil.codec import Decoder, Encoder
-from hil.messages import GENERATOR, MOTOR, OFF, ControllerTick, MachineCommand, Pulse
+from controller.mode.start_restart import Mode
+from controller.timing.plan import PlannedPulse
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import GENERATOR, MOTOR, OFF, ControllerTick, MachineCommand, Pulse
 
 MS = 1_000_000
 NONE = (None, None)

@@ -9,15 +9,15 @@ import time
 
 import pytest
 
-from bench import service as bench_service
-from drivers import analog_source
-from drivers.analog_source import AnalogSource, SourceLoop, run
+from bench.run import service as bench_service
+from drivers.analog import source as analog_source
+from drivers.analog.source import AnalogSource, SourceLoop, run
 from drivers.links import open_memory
-from drivers.service import Service
-from hil.codec import Decoder
+from drivers.system.service import Service
 from hil.config.load import build
 from hil.errors import ConfigError
 from hil.pacing import LockstepPacer
+from hil.wire.codec import Decoder
 
 SENSORS = {
     "inputs.device": "iio:device0",

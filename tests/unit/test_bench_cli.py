@@ -5,10 +5,11 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from bench import check, cli
-from bench.closing import motion_rows, tick_rows
-from bench.progress import Newest
-from bench.scenarios import read
+from bench import cli
+from bench.measure import machine
+from bench.run.conclusion import motion_rows, tick_rows
+from bench.run.progress import Newest
+from bench.run.scenarios import read
 
 CLI = CliRunner()
 
@@ -90,12 +91,12 @@ def test_check_says_how_each_thing_stands():
     assert all(what in result.output for what in ("Python", "CAN", "real-time priority"))
 
 
-@pytest.mark.parametrize("look", check.LOOKS, ids=lambda look: look.__name__)
+@pytest.mark.parametrize("look", machine.LOOKS, ids=lambda look: look.__name__)
 def test_a_finding_that_can_be_mended_says_how(look):
     found = look()
-    assert found.state in {check.OK, check.WORTH_KNOWING, check.MISSING}
+    assert found.state in {machine.OK, machine.WORTH_KNOWING, machine.MISSING}
     assert found.text
-    assert found.state != check.OK or not found.mend
+    assert found.state != machine.OK or not found.mend
 
 
 def test_live_figures_show_what_is_known():

@@ -7,11 +7,14 @@ from bench_logs import Centre, Made, alternating, make_run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.figures import event_figures, figures, read_run
-from bench.strokes import Strokes, set_point_at, settling_ns
-from bench.summary import summarise, summarise_fault, write
-from bench.ticks import Histogram
-from bench.verdict import judge
+from bench.judge.figure_table import FIGURES
+from bench.judge.figures import event_figures, figures, read_run
+from bench.judge.punctuality import Histogram
+from bench.judge.response import BAND_MM, settled_after_s
+from bench.judge.response import response as response_of
+from bench.judge.strokes import Strokes, set_point_at
+from bench.judge.summary import summarise, summarise_fault, write
+from bench.judge.verdict import judge
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
@@ -48,6 +51,25 @@ def test_frequency_mean_and_sigma_are_those_of_the_strokes(response):
     assert found["tdc_mean_mm"] == pytest.approx(tdc_mm.mean())
     assert found["tdc_sigma_mm"] == pytest.approx(tdc_mm.std(ddof=1))
     assert found["fuel_total_mg"] == pytest.approx(2.8 * len(RESPONSE))
+
+
+def test_frequency_is_that_of_whole_cycles(tmp_path):
+    """Strokes of 10, 20, 30 and 40 ms in turn: two periods in 100 ms."""
+    t_ns = np.cumsum([0, *([10_000_000, 20_000_000, 30_000_000, 40_000_000] * 9)])
+    centres = [Centre(int(t), 0.0155 * (-1) ** (n + 1)) for n, t in enumerate(t_ns)]
+    fires = [True, False, False, True]
+    scenario, files = make_run(tmp_path, Made(centres), controller__timing__fires=fires)
+    found = figures(read_run(scenario, files), None)
+    assert found["frequency_mean_hz"] == pytest.approx(20.0)
+    assert found["frequency_final_hz"] == pytest.approx(20.0)
+    assert found["strokes"] == len(centres) - 1
+
+
+def test_skipped_ticks_take_no_power_off_the_mean(tmp_path):
+    made = Made(alternating(RESPONSE), missed=frozenset(range(500, 600)))
+    found = figures(read_run(*make_run(tmp_path, made)), None)
+    assert found["electric_power_mean_w"] == pytest.approx(100.0)
+    assert found["electric_energy_j"] == pytest.approx(100.0)
 
 
 def test_energy_is_power_times_time(response):
@@ -116,6 +138,13 @@ def test_the_last_mode_change_is_the_final_mode(tmp_path):
     assert [c.met for c in judge(data)] == [True, False, True]
 
 
+def test_every_figure_is_declared_and_every_declared_one_is_computed(response):
+    told = summarise(
+        response, {"processes": {"plant": {"loop_s": 2.0, "cpu_s": 1.0, "recorder_cpu_s": 0.5}}}
+    )
+    assert sorted(told["figures"]) == sorted(figure.name for figure in FIGURES)
+
+
 def test_a_run_without_a_stroke_has_figures_too(tmp_path):
     scenario, files = make_run(tmp_path, Made([]))
     found = figures(read_run(scenario, files), None)
@@ -133,6 +162,46 @@ def test_summary_is_json_without_nan(response, tmp_path):
     assert read["figures"]["wall_s"] == 2.0
 
 
+RAISE = {"kind": "set-point", "tdc_ref_m": 0.03, "at_s": 0.4}
+REFUSED = (400_000_000, "command-refused", "tdc_ref_m=0.03 from scenario: accepted up to 0.0195")
+
+
+def told_of(directory, said=(), plant_said=(LOAD,), **changes):
+    """Summarise a synthetic run in which the controller said this; `changes` are whole tables."""
+    made = Made(alternating(RESPONSE), events=plant_said, controller_events=said)
+    scenario, files = make_run(directory, made, run__duration_s=1.0)
+    changed = scenario.model_validate(scenario.model_dump() | changes)
+    return summarise(read_run(changed, files), {})
+
+
+def test_a_scenario_that_expects_nothing_is_not_met(tmp_path):
+    told = told_of(tmp_path, expect={})
+    assert (told["verdict"], told["exit_code"]) == ("none", 0)
+    assert told["exit_reason"] == "nothing expected"
+
+
+def test_a_refused_event_blocks_the_run_and_names_the_bound(tmp_path):
+    told = told_of(tmp_path, (REFUSED,), events={"raise": RAISE}, expect={})
+    assert (told["verdict"], told["exit_code"]) == ("blocked", 4)
+    assert told["exit_reason"] == f"event 'raise' refused: {REFUSED[2]}"
+    assert told["refused"] == [told["exit_reason"]]
+    (event,) = told["events"]
+    assert (event["t_s"], event["refused"]) == (None, REFUSED[2])
+
+
+def test_an_order_that_the_plant_refused_blocks_the_run_too(tmp_path):
+    text = "command from desk: count: Input should be greater than 0"
+    told = told_of(tmp_path, (), (LOAD, (1, "command-refused", text)))
+    assert (told["verdict"], told["exit_reason"]) == ("blocked", f"plant refused: {text}")
+
+
+def test_verdicts_rest_on_every_line_however_many_others_there_are(tmp_path):
+    many = tuple((tick * 100_000, "misfire", "left") for tick in range(2500))
+    told = told_of(tmp_path, (REFUSED,), (*many, LOAD))
+    assert told["events"][0]["t_s"] == pytest.approx(0.26)
+    assert told["figures"]["misfires"] == 2500
+
+
 def test_a_fault_keeps_its_reason_and_exit_code(response):
     told = summarise_fault(response.scenario, {"error": "plant died", "exit_code": 3})
     assert (told["verdict"], told["exit_code"], told["exit_reason"]) == ("fault", 3, "plant died")
@@ -147,11 +216,13 @@ def strokes_of(errors_mm):
 @given(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=30))
 def test_after_settling_every_dead_centre_is_inside(errors_mm):
     strokes = strokes_of(errors_mm)
-    settled = settling_ns(strokes, 0, 0.1e-3)
-    if settled is None:
-        assert abs(strokes.error_m[-1]) > 0.1e-3
+    found = response_of(strokes, 0)
+    settled_s = settled_after_s(found)
+    if settled_s is None:
+        assert abs(found.errors_mm[-1]) > BAND_MM
     else:
-        assert (np.abs(strokes.since(settled).error_m) <= 0.1e-3).all()
+        later = zip(found.times_s, found.errors_mm, strict=True)
+        assert all(abs(error) <= BAND_MM for t, error in later if t >= settled_s)
 
 
 def test_set_points_hold_from_their_change_on():

@@ -3,9 +3,9 @@ import re
 import pytest
 from bench_logs import Made, alternating, make_run
 
-from bench.figures import read_run
-from bench.report import save_picture, write_report
-from bench.summary import summarise
+from bench.judge.figures import read_run
+from bench.judge.summary import summarise
+from bench.report.document import save_picture, write_report
 
 pytest.importorskip("matplotlib")
 

@@ -2,10 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from bench import outdir
-from bench.commands import overrides
-from bench.resolve import resolve
-from bench.scenarios import find, packaged, read
+from bench.run import directory as outdir
+from bench.run.commands import overrides
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import find, packaged, read
+from hil.config.prototypes import BIT
 from hil.errors import ConfigError
 
 PUBLIC = {
@@ -118,3 +120,16 @@ def test_two_runs_in_a_second_get_two_directories(tmp_path, monkeypatch):
     monkeypatch.setattr(outdir.time, "strftime", lambda _: "20240101-000000")
     first = outdir.prepare("steady", None, force=False)
     assert outdir.prepare("steady", None, force=False).directory != first.directory
+
+
+def test_the_beijing_engine_wide_open_gets_the_fuel_of_eq_5_28():
+    changes = [("plant.prototype", "bit"), ("controller.name", "open-loop")]
+    wide_open = resolve(read("steady", changes))
+    assert wide_open.controller.open_loop.fuel_kg == BIT.full_throttle_fuel_kg
+    assert wide_open.controller.limits.fuel_max_kg == BIT.fuel_max_kg
+    assert {round(dc.fuel_kg * 1e6, 3) for dc in simulate(wide_open).dead_centres} == {6.023}
+
+
+def test_the_fuel_limit_is_the_engines_unless_it_is_given():
+    given = resolve(read("steady", [("controller.limits.fuel_max_kg", 5e-6)]))
+    assert given.controller.limits.fuel_max_kg == 5e-6

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from bench import soak
-from bench.soak import Ages, Look, Watcher, judge, look_at, processes_of
+from bench.measure import soak
+from bench.measure.soak import Ages, Look, Watcher, judge, look_at, processes_of
 from hil.config.scenario import Scenario
 
 MINUTES = 5.0
@@ -62,7 +62,7 @@ def test_what_a_start_takes_is_no_growth():
 
 
 def test_a_process_is_found_below_the_one_that_started_it_and_looked_at():
-    sleeper = [sys.executable, "-c", "import time; time.sleep(60)", "drivers.recorder_process"]
+    sleeper = [sys.executable, "-c", "import time; time.sleep(60)", "drivers.recorder.process"]
     start = f"import subprocess; subprocess.run({sleeper!r})"
     child = subprocess.Popen([sys.executable, "-c", start, "plant.main"])
     try:

@@ -2,12 +2,12 @@
 
 import pytest
 
-from bench import scenarios
-from bench.bus_faults import CASES, SAFE_TICKS, run_case, table
-from bench.bus_rig import Rig
-from bench.resolve import resolve
-from hil.messages import MachineCommand, PistonSample, PlantTick, Pulse
-from hil.signals import layout_of
+from bench.bus.faults import CASES, SAFE_TICKS, run_case, table
+from bench.bus.rig import Rig
+from bench.run import scenarios
+from bench.run.resolve import resolve
+from hil.wire.fields import layout_of
+from hil.wire.messages import MachineCommand, PistonSample, PlantTick, Pulse
 
 HEAD, SAMPLE = layout_of(PlantTick).can_id, layout_of(PistonSample).can_id
 PULSE, MACHINE = layout_of(Pulse).can_id, layout_of(MachineCommand).can_id
@@ -55,7 +55,7 @@ def test_no_injector_stays_open_when_the_controller_falls_silent():
     for silent in range(100, 125):
         rig = rig_of(lambda f, t, s=silent: f.sender == "controller" and t >= s, 0.2)
         assert rig.plant_is_safe
-        assert all(line.open is None for line in rig.plant.state.pulses.lines)
+        assert all(line.open is None for line in rig.plant.state.pulses.table.lines)
 
 
 @pytest.mark.parametrize("kind", [HEAD, SAMPLE])
@@ -63,7 +63,7 @@ def test_each_part_of_a_sample_that_stays_away_is_a_stale_sample(kind):
     rig = rig_of(lambda f, t: f.can_id == kind and t >= 150)
     assert rig.is_safe
     assert rig.without_sample[0] == 150
-    assert rig.controller.decoder.lost == 0
+    assert rig.controller.reception.decoder.lost == 0
 
 
 def test_ten_stale_ticks_are_allowed_and_then_it_is_safe():

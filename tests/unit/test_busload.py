@@ -12,14 +12,15 @@ import pytest
 
 import hil
 import hil.log
-from bench import bus_commands, bus_monitor, scenarios
-from bench.bus_load import frame_bits
-from bench.can_log import check_name
-from bench.outdir import RunFiles
-from hil.busload import classic_bits
-from hil.codec import iter_frames
+from bench.bus import commands, monitor
+from bench.bus.can_log import check_name
+from bench.bus.load import frame_bits
+from bench.run import scenarios
+from bench.run.directory import RunFiles
 from hil.config.resolved import read_resolved
 from hil.errors import ConfigError
+from hil.wire.busload import classic_bits
+from hil.wire.codec import iter_frames
 
 
 def test_a_block_of_frames_has_the_bits_of_each():
@@ -43,7 +44,7 @@ def done(tmp_path_factory):
 
 def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
     """cantools, which nobody here wrote, against the MCAP log."""
-    database = cantools.database.load_file(hil.__path__[0] + "/fpeg.dbc")
+    database = cantools.database.load_file(hil.__path__[0] + "/wire/fpeg.dbc")
     with can.LogReader(done.directory / "frames.log") as reader:
         decoded = [
             (database.get_message_by_frame_id(m.arbitration_id).name,
@@ -69,7 +70,7 @@ def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
 def test_other_formats_hold_the_same_frames_in_the_same_order(done, suffix):
     path = done.directory / f"frames.{suffix}"
     scenario = read_resolved(done.scenario)
-    count = bus_commands.write_can_log(path, scenario, done, "2026-01-02T03:04:05+0000")
+    count = commands.write_can_log(path, scenario, done, "2026-01-02T03:04:05+0000")
     frames = []
     for log in (done.plant_log, done.controller_log):
         with hil.log.open(log) as opened:
@@ -88,11 +89,11 @@ def test_other_formats_hold_the_same_frames_in_the_same_order(done, suffix):
 
 
 def test_the_load_is_told_in_one_line(done, capsys):
-    assert bus_commands.load(done.directory, None) == 0
+    assert commands.load(done.directory, None) == 0
     line = capsys.readouterr().out
     assert "bus load 5" in line
     assert "81.0% at the worst possible" in line
-    figures = bus_commands.figures(read_resolved(done.scenario), done)
+    figures = commands.figures(read_resolved(done.scenario), done)
     assert json.dumps(figures)
     assert 0.4 < figures["load_mean"] < figures["load_fullest_tick"] < 0.81
 
@@ -106,7 +107,7 @@ def test_a_can_log_that_could_not_be_written_is_refused_before_the_run(name, tmp
 @pytest.mark.parametrize("text", ["zenoh", ":can0", "zenoh:", ""])
 def test_a_bus_that_is_none_is_refused(text):
     with pytest.raises(ConfigError, match="accepted is INTERFACE:CHANNEL"):
-        bus_monitor.parse_bus(text)
+        monitor.parse_bus(text)
 
 
 def test_can_without_a_bus_is_refused_with_examples():
@@ -121,9 +122,9 @@ def test_a_rate_that_the_bus_cannot_carry_is_refused():
 
 
 def test_the_monitor_says_what_became_of_each_frame():
-    judge = bus_monitor.Judge()
-    from hil.codec import Encoder
-    from hil.messages import PistonSample
+    judge = monitor.Judge()
+    from hil.wire.codec import Encoder
+    from hil.wire.messages import PistonSample
 
     batch = Encoder().encode([PistonSample(0.01, 1.0)])
     ((can_id, word),) = iter_frames(batch)

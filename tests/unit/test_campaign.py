@@ -7,12 +7,13 @@ from contextlib import contextmanager
 import pytest
 from rich.console import Console
 
-from bench import campaign as campaigns
-from bench import campaign_config, campaign_run, campaign_table
-from bench.campaign_config import Campaign, LoadSpread, MisfireSpread, Spread, draw
-from bench.compare import compare, laws_of
-from bench.compare_page import table
-from bench.settled import Response
+from bench.judge.response import Response
+from bench.studies.campaign import config, run
+from bench.studies.campaign import execution as campaigns
+from bench.studies.campaign import table as campaign_table
+from bench.studies.campaign.config import Campaign, LoadSpread, MisfireSpread, Spread, draw
+from bench.studies.compare import compare, laws_of
+from bench.studies.compare_page import table
 from hil.errors import ConfigError, RunError
 
 pytest.importorskip("pyarrow")
@@ -103,19 +104,19 @@ def test_draws_stay_in_their_spreads():
 
 def test_the_controller_believes_the_engine_that_was_not_varied():
     nominal = Campaign(runs=1, duration_s=0.4, load=LoadSpread(at_s=0.2))
-    varied = campaign_config.scenario_of(SMALL, draw(SMALL, 0)).controller.preset
-    assert varied == campaign_config.scenario_of(nominal, draw(nominal, 0)).controller.preset
+    varied = config.scenario_of(SMALL, draw(SMALL, 0)).controller.preset
+    assert varied == config.scenario_of(nominal, draw(nominal, 0)).controller.preset
 
 
 def test_a_run_gives_the_same_row_again():
-    assert str(campaign_run.run_one(SMALL, 5)) == str(campaign_run.run_one(SMALL, 5))
+    assert str(run.run_one(SMALL, 5)) == str(run.run_one(SMALL, 5))
 
 
 def test_the_packaged_campaign_can_be_drawn():
-    campaign = campaign_config.read("robustness")
+    campaign = config.read("robustness")
     assert campaign.runs == 2000
     for index in range(40):
-        campaign_config.scenario_of(campaign, draw(campaign, index))
+        config.scenario_of(campaign, draw(campaign, index))
 
 
 @pytest.mark.parametrize(
@@ -128,11 +129,11 @@ def test_a_spread_is_of_one_kind(spread):
 
 def test_what_is_not_a_campaign_is_said_so(tmp_path):
     with pytest.raises(ConfigError, match="robustness"):
-        campaign_config.read("unknown")
+        config.read("unknown")
     file = tmp_path / "c.toml"
     file.write_text("runs = 0\n")
     with pytest.raises(ConfigError, match="runs"):
-        campaign_config.read(str(file))
+        config.read(str(file))
 
 
 def test_a_campaign_that_was_killed_goes_on_and_runs_nothing_twice(cluster, tmp_path):
@@ -164,14 +165,14 @@ def test_another_campaign_does_not_go_into_the_same_directory(cluster, tmp_path)
 
 
 def test_worst_runs_are_scenarios_that_can_be_run(tmp_path):
-    rows = campaign_run.run_many(SMALL, list(range(6)))
+    rows = run.run_many(SMALL, list(range(6)))
     campaign_table.write_worst(SMALL, rows, tmp_path)
     files = sorted(tmp_path.glob("*.toml"))
     assert files
     tree = tomllib.loads(files[0].read_text())
     drawn = draw(SMALL, int(files[0].stem))
-    again = campaign_config.build(tree, files[0].name)
-    wanted = campaign_config.build(campaign_config.tree_of(SMALL, drawn), "x")
+    again = config.build(tree, files[0].name)
+    wanted = config.build(config.tree_of(SMALL, drawn), "x")
     assert again.plant == wanted.plant
     assert again.events == wanted.events
     assert again.controller == wanted.controller
@@ -211,6 +212,6 @@ def test_a_local_cluster_gives_what_one_process_gives(tmp_path):
     pytest.importorskip("distributed")
     campaign = SMALL.model_copy(update={"runs": 24, "duration_s": 0.4})
     file = campaigns.run(campaign, tmp_path, None, 2, CONSOLE)
-    here = campaign_run.run_many(campaign, list(range(24)))
+    here = run.run_many(campaign, list(range(24)))
     there = campaigns.rows_of(file)
     assert [str(row) for row in there] == [str(row) for row in here]

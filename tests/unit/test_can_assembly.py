@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_assembly import MAX_FRAMES, Assembler
-from hil.codec import Decoder, Encoder, iter_frames, pack_frame
-from hil.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
+from drivers.can.assembly import MAX_FRAMES, Assembler
+from hil.wire.codec import Decoder, Encoder, iter_frames, pack_frame
+from hil.wire.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
 
 QUIET = 250
 NAN = math.nan

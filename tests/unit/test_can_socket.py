@@ -8,14 +8,14 @@ import time
 
 import pytest
 
-from drivers import can_socket
-from drivers.can_assembly import head_place
-from drivers.can_frames import Wanted
-from drivers.can_link import CanLink, wanted_by
-from drivers.can_socket import FRAME, SocketFrames, filters, open_socket
-from hil.codec import Encoder, iter_frames
+from drivers.can import socket as can_socket
+from drivers.can.assembly import head_place
+from drivers.can.frames import Wanted
+from drivers.can.link import CanLink, wanted_by
+from drivers.can.socket import FRAME, SocketFrames, filters, open_socket
 from hil.errors import ConfigError, LinkError
-from hil.messages import PistonSample, PlantTick
+from hil.wire.codec import Encoder, iter_frames
+from hil.wire.messages import PistonSample, PlantTick
 
 NAN = float("nan")
 STAMP = struct.Struct("=qq")

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_wire import Waiting, arbitration_key, decide, frame_ns
-from drivers.can_zenoh_segment import DIRECTORY_VARIABLE
-from hil.busload import (
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE
+from drivers.can.virtual.wire import Waiting, arbitration_key, decide, frame_ns
+from hil.errors import ConfigError
+from hil.wire.busload import (
     BITS_MAX,
     BITS_MIN,
     check_fit,
@@ -22,7 +23,6 @@ from hil.busload import (
     stuff_bits,
     worst_load,
 )
-from hil.errors import ConfigError
 
 
 @pytest.fixture

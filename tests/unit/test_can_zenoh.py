@@ -11,7 +11,7 @@ import time
 import can
 import pytest
 
-from drivers.can_zenoh_segment import DIRECTORY_VARIABLE, channels
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE, channels
 
 TIMEOUT = 2.0
 TEXT = bytes(range(8))

@@ -5,11 +5,11 @@ import struct
 
 import pytest
 
-from hil.codec import FRAME, Decoder, Encoder, frames_of
-from hil.e2e import ReceptionCounts, counter_marks, protect
 from hil.errors import CodecError
-from hil.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
-from hil.signals import LAYOUTS, layout_of
+from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
+from hil.wire.e2e import ReceptionCounts, counter_marks, protect
+from hil.wire.fields import LAYOUTS, layout_of
+from hil.wire.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
 
 NAN = math.nan
 HEAD = PlantTick(7, 2, 0, 123.0, NAN, NAN)

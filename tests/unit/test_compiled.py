@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.dev.compile import _refuse_empty_tuples
 from hil import compiled
 
 
@@ -15,7 +16,8 @@ def copy(tmp_path, monkeypatch):
     """A copy of the sources to edit, and nothing changed for the rest of the process."""
     for package in ("hil", "plant", "controller", "drivers", "bench"):
         shutil.copytree(compiled.root() / package, tmp_path / "src" / package)
-    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    finders = [finder for finder in sys.meta_path if not isinstance(finder, compiled._Finder)]
+    monkeypatch.setattr(sys, "meta_path", finders)
     monkeypatch.setattr(compiled, "root", lambda: tmp_path / "src")
     monkeypatch.setenv("HIL_COMPILED", str(tmp_path / "built"))
     return tmp_path
@@ -60,3 +62,12 @@ def test_every_pattern_means_something():
     names = [str(path) for path in compiled.sources(compiled.root())]
     assert all(any(Path(n).match(pattern) for n in names) for pattern in compiled.PATTERNS)
     assert "controller/main.py" not in names
+
+
+def test_a_place_for_the_empty_tuple_alone_is_refused(tmp_path):
+    said = 'CPy_TypeError("tuple[]", r1);\nCPy_AddTraceback("plant/loop.py", "turn", 147, g);\n'
+    (tmp_path / "one.c").write_text('CPy_TypeError("tuple[int]", r1);\n')
+    _refuse_empty_tuples(tmp_path)
+    (tmp_path / "two.c").write_text(said)
+    with pytest.raises(SystemExit, match=r"plant/loop\.py:147 \(turn\): \(\) assigned where"):
+        _refuse_empty_tuples(tmp_path)

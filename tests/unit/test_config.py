@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from bench.resolve import resolve
-from drivers.process import read_arguments
+from bench.run.resolve import resolve
+from drivers.system.process import read_arguments
 from hil.config.base import read_toml
 from hil.config.load import build, load, parse_assignment, read_scenario, with_override
 from hil.config.resolved import Resolved, read_resolved

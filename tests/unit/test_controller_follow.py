@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from controller.main import follow_in_real_time
-from drivers.process import Stop
+from controller.follow import follow_in_real_time
+from drivers.system.process import Stop
 from hil.errors import RunError
 
 PERIOD_NS = 1_000_000
@@ -24,8 +24,8 @@ class TickLoop:
     def turn(self, batch):
         if batch is None:
             self.tick += 1
-        elif batch > self.tick:
-            self.tick = batch
+        else:
+            self.tick = max(self.tick, int.from_bytes(batch, "big"))
 
 
 class Samples:
@@ -37,7 +37,8 @@ class Samples:
 
     def wait(self, _timeout_ns):
         time.sleep(self.gap_s)
-        return self.left.pop(0) if self.left else None
+        tick = self.left.pop(0) if self.left else None
+        return None if tick is None else tick.to_bytes(4, "big")
 
     def peer_alive(self):
         return True
@@ -45,7 +46,7 @@ class Samples:
 
 def follow(samples, last_tick):
     loop = TickLoop()
-    follow_in_real_time(loop, SimpleNamespace(link=samples), PERIOD_NS, last_tick, Stop())
+    follow_in_real_time(loop, samples, PERIOD_NS, last_tick, Stop())
     return loop.tick
 
 

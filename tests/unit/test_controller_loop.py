@@ -4,15 +4,15 @@ import math
 
 import pytest
 
+from controller.build import initial_state, make_params
 from controller.commands import OperatorCommand
 from controller.loop import ControllerLoop
-from controller.start_restart import Mode
-from controller.state import initial_state, make_params
-from hil import topics
-from hil.codec import Decoder, Encoder
+from controller.mode.start_restart import Mode
 from hil.config.controller import ControllerConfig
-from hil.messages import PistonSample, PlantTick
-from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.log import topics
+from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import PistonSample, PlantTick
 
 MS = 1_000_000
 NAN = math.nan
@@ -80,8 +80,8 @@ class Bench:
         self.status, self.commands = Status(), Commands()
         self.encoder, self.decoder = Encoder(), Decoder("controller")
         self.loop = ControllerLoop(
-            params, initial_state(params), link=self.link, pacer=self.pacer, recorder=self.log,
-            status=self.status, commands=self.commands, schedule=schedule or {}, status_every=100,
+            params, initial_state(params), ports=self, pacer=self.pacer, recorder=self.log,
+            schedule=schedule or {}, status_every=100,
             peer_timeout_s=1.0,
         )  # fmt: skip
 
@@ -185,7 +185,7 @@ def test_batch_with_a_broken_head_counts_as_an_invalid_sample():
     bench.turn(2)
     assert [tick for tick, _ in bench.answers()] == [0, 1, 2]
     assert bench.log.of("/sensor")[1]["status"] == topics.SAMPLE_INVALID
-    assert bench.loop.decoder.counts().corrupted == 1
+    assert bench.loop.reception.decoder.counts().corrupted == 1
 
 
 def test_batch_with_a_broken_sample_keeps_its_tick():
@@ -264,7 +264,7 @@ def test_sender_that_repeats_itself_is_a_lost_one():
     for _ in range(14):
         bench.loop.turn(batch)
     assert bench.loop.state.mode is Mode.SAFE
-    assert bench.loop.decoder.counts().repeated >= 20
+    assert bench.loop.reception.decoder.counts().repeated >= 20
 
 
 def test_refused_command_is_logged_with_its_origin_and_changes_nothing():
@@ -313,3 +313,29 @@ def test_status_is_told_now_and_then():
     bench.turn(*range(201))
     assert [status["tick"] for status in bench.status] == [0, 100, 200]
     assert bench.status[0]["mode"] == "generating"
+
+
+def stroked(bench, ticks, period=50):
+    """Let the piston oscillate with 15.5 mm, two strokes in `period` ticks."""
+    for tick in range(ticks):
+        phase = 2.0 * math.pi * tick / period
+        x_m, v_m_s = -0.0155 * math.cos(phase), 0.0155 * 2e3 * math.pi / period * math.sin(phase)
+        bench.loop.turn(bench.batch(tick, x_m, v_m_s))
+
+
+def test_status_has_the_fuel_of_the_last_finished_stroke_at_every_instant():
+    bench = Bench()
+    bench.loop._status_every = 1
+    stroked(bench, 400)
+    fuels = [status["fuel_mg"] for status in bench.status]
+    assert fuels[0] is None
+    burnt = [s["fuel_kg"] * 1e6 for s in bench.log.of("/stroke")][1:]
+    assert min(burnt) > 1.0
+    assert set(fuels[100:]) <= set(burnt)
+
+
+def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
+    bench = Bench(running=False)
+    bench.turn(0)
+    (status,) = bench.status
+    assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)

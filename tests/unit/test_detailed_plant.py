@@ -5,22 +5,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.resolve import resolve
-from controller.estimate import Motion
-from controller.ignition import predict
+from bench.run.resolve import resolve
+from controller.observe.estimate import Motion
+from controller.timing.position import predict
 from hil.config.load import build
 from hil.config.plant import PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.messages import GENERATOR, MOTOR
-from hil.prototypes import NU
-from plant.actuation import PulseOrder
-from plant.detailed import layout as at
-from plant.events import CONTACT, MISFIRE, PULSE_REFUSED
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from hil.wire.messages import GENERATOR, MOTOR
+from hil.wire.pulses import PulseOrder
+from plant.build import plant_params
+from plant.engines.detailed import layout as at
+from plant.engines.machine import MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.events import CONTACT, MISFIRE, PULSE_REFUSED
+from plant.rig.state import Command
+from plant.rig.step import step
+from plant.sensors import sensed
 
 FUEL_KG = 178.8 / 44e6
 PERIOD_NS = 1_000_000
@@ -38,11 +39,15 @@ def run(ticks, pulses=(), order=LOAD, settled=True):
     return state, seen
 
 
+def p_left_pa(state):
+    return sensed(plant_params(CONFIG, PERIOD_NS), state).p_left_pa
+
+
 def test_settled_run_begins_at_the_left_dead_centre_alight():
     state, _ = run(1)
     assert state.dead_centre.x_m == pytest.approx(-15.64e-3, abs=0.05e-3)
     assert state.x_m > state.dead_centre.x_m
-    assert state.gas.p_left_pa > 20e5
+    assert p_left_pa(state) > 20e5
 
 
 def test_spark_and_fuel_make_a_combustion():
@@ -150,7 +155,7 @@ def valve_run(pulses, ticks, **config):
 
 
 def opened(state, side, valve):
-    d = np.frombuffer(state.gas.d)
+    d = np.frombuffer(state.motion.inner.d)
     return bool(d[at.CYL + side * at.CYL_STRIDE + valve])
 
 
@@ -174,14 +179,14 @@ def test_a_valve_follows_its_line_from_its_first_pulse_on():
 def test_an_early_exhaust_edge_lets_the_charge_out():
     late, _ = valve_run([], 8)
     early, _ = valve_run([PulseOrder(5, 2250, 4000)], 8)
-    assert early[1].gas.p_left_pa == late[1].gas.p_left_pa
-    assert early[3].gas.p_left_pa < 0.7 * late[3].gas.p_left_pa
+    assert p_left_pa(early[1]) == p_left_pa(late[1])
+    assert p_left_pa(early[3]) < 0.7 * p_left_pa(late[3])
 
 
 def test_an_edge_acts_between_two_ticks():
     """The earlier, the more has left by the tick: three instants inside one tick."""
     found = [
-        valve_run([PulseOrder(5, open_us, 4000)], 4)[0][3].gas.p_left_pa
+        p_left_pa(valve_run([PulseOrder(5, open_us, 4000)], 4)[0][3])
         for open_us in (3600, 3750, 3900)
     ]
     assert found[0] < found[1] < found[2]
@@ -200,9 +205,9 @@ def test_lines_in_step_with_the_piston_change_nothing():
 def crossings_us():
     """Valve pulses of the first stroke, from where the piston passes the places of Table 3.3."""
     from hil.config.detailed import read
-    from plant.detailed.engine import Motion, begin, engine_of
-    from plant.detailed.settle import settle
-    from plant.detailed.solver import advance, scratch
+    from plant.engines.detailed.engine import Motion, begin, engine_of
+    from plant.engines.detailed.settle import settle
+    from plant.engines.detailed.solver import advance, scratch
 
     c = read("nu-two-stroke")
     found = settle(c, FUEL_KG, 810.0)

@@ -6,9 +6,9 @@ from itertools import combinations
 import pytest
 from e2e import p02
 
-from hil import messages
-from hil.e2e import COUNTER_MODULO, counter_marks, crc_of, is_intact, protect
-from hil.signals import LAYOUTS
+from hil.wire import messages
+from hil.wire.e2e import COUNTER_MODULO, counter_marks, crc_of, is_intact, protect
+from hil.wire.fields import LAYOUTS
 
 BITS = 64
 LAYOUT_PARAMS = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=lambda x: x.name)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from bench.engine_cli import app
-from bench.engine_sweep import SWEEPS, fuel_study, starting_study, sweep
+from bench.cli.engine import app
+from bench.studies.engine.sweep import SWEEPS, fuel_study, starting_study, sweep
 from hil.errors import ConfigError
 
 

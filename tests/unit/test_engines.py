@@ -5,11 +5,11 @@ import tomllib
 
 import pytest
 
-from bench.resolve import resolve
-from bench.scenarios import read as read_scenario
+from bench.run.resolve import resolve
+from bench.run.scenarios import read as read_scenario
 from hil.config.detailed import calibrations, read_file
+from hil.config.prototypes import ENGINES, PROTOTYPES, model_files, read
 from hil.errors import ConfigError
-from hil.prototypes import ENGINES, PROTOTYPES, model_files, read
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from controller.estimate import (
+from controller.observe.estimate import (
+    NOTHING,
     Motion,
     crossing_between,
     dead_centre_between,
@@ -36,7 +37,7 @@ def follow(motion_of, ticks, period_ns=MS):
     for tick in ticks:
         t_ns = tick * period_ns
         motion, passed = update(motion, t_ns, *motion_of(t_ns * 1e-9))
-        if any(passed):
+        if passed is not NOTHING:
             seen.append((tick, passed, motion))
     return motion, seen
 

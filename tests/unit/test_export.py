@@ -5,9 +5,9 @@ import pytest
 from test_log import CHUNKS, TICKS, write_log
 
 import hil.log
-from bench.export import export
-from bench.log_commands import export as export_command
-from bench.text import bytes_text, size_of
+from bench.logs.commands import export as export_command
+from bench.logs.export import export
+from bench.report.quantities import bytes_text, size_of
 from hil.errors import ConfigError, LogError, MissingExtraError
 from hil.log import Span
 from hil.log.tables import column_units, columns
@@ -141,7 +141,7 @@ def test_sizes_are_told_in_a_unit_that_suits_them():
 
 def test_a_long_curve_keeps_its_extremes_when_it_is_thinned():
     pytest.importorskip("matplotlib")
-    from bench.plot_style import extremes
+    from bench.report.style import extremes
 
     values = np.sin(np.arange(100_000) / 700.0)
     values[33_333], values[77_777] = 5.0, -5.0

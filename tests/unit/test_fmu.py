@@ -17,27 +17,28 @@ from fmu_units import FOREIGN_NAMES, MODELS, changed, foreign, ours, renamed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.fmu_check import check
-from bench.fmu_export import export
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.fmu.check import check
+from bench.fmu.export import export
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil import snapshot
 from hil.config.load import build
 from hil.config.plant import FmuConfig, MisfireEvent, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
-from hil.messages import GENERATOR, MOTOR
-from plant.actuation import PulseOrder
-from plant.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
-from plant.fmu.archive import open_archive
-from plant.fmu.contract import ALL
-from plant.fmu.turning import turning_point
-from plant.fmu.unit import Unit
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command, PlantState
-from plant.step import step
+from hil.wire.messages import GENERATOR, MOTOR
+from hil.wire.pulses import PulseOrder
+from plant.build import plant_params
+from plant.engines.fmu.archive import open_archive
+from plant.engines.fmu.contract import ALL
+from plant.engines.fmu.turning import turning_point
+from plant.engines.fmu.unit import Unit
+from plant.engines.machine import MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
+from plant.rig.state import Command, PlantState
+from plant.rig.step import step
+from plant.sensors import sensed
 
 PERIOD_NS = 1_000_000
 LOAD = MachineOrder(GENERATOR, 0.0, 810.0)
@@ -216,7 +217,7 @@ def test_a_foreign_unit_is_valid_and_understood_in_its_own_names_and_units(versi
     states, _ = run(params, state, 200, PUSH)
     swing = max(s.x_m for s in states)
     assert swing == pytest.approx(2.0 * 300.0 / 26.5e3, rel=1e-3)
-    assert states[-1].gas.p_left_pa == 0.0  # it has no pressures
+    assert sensed(params, states[-1]).p_left_pa == 0.0  # it has no pressures
 
 
 @pytest.mark.parametrize("version", [2, 3])

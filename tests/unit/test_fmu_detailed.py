@@ -13,11 +13,16 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from fmu_units import ours
 
-from bench.fmu_export import export
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.fmu.export import export
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil.errors import ConfigError
+from plant.build import make_params
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
+from plant.sensors import sensed
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +67,24 @@ def test_a_detailed_unit_moves_in_another_tool():
     assert found["dead_centres"].tolist()[0] == 1
     assert found["dead_centres"].tolist()[-1] == 2
     assert found["fuel_burnt_kg"].tolist()[-1] == 0.0  # nothing was lit on the right
+
+
+@pytest.mark.parametrize(("model", "prototype"), [("starting", "bit"), ("four-stroke", "nu")])
+def test_a_unit_tells_the_power_that_our_plant_tells(model, prototype):
+    powers = []
+    for name in (model, f"fmu:{ours(model, 3, prototype)}"):
+        scenario = resolve(read("steady", [("plant.model", name)]))
+        p = make_params(scenario)
+        control = scenario.controller
+        load = control.supervisory.load_coefficient_n_s_m
+        s, _ = initial_state(p, control.preset.fuel_kg, load)
+        told = []
+        for _ in range(30):
+            s, _ = step(p, s, Command())
+            told.append(sensed(p, s).electric_power_w)
+        powers.append(told)
+    assert powers[1] == pytest.approx(powers[0], rel=1e-6, abs=1e-6)
+    assert max(map(abs, powers[0])) > 1.0
 
 
 def test_a_prototype_without_a_calibration_is_refused(tmp_path):

@@ -6,38 +6,51 @@ import sys
 import cantools
 import pytest
 
-from hil import generate
-from hil.signals import LAYOUTS
+from bench.dev import generate, messages_page
+from bench.dev.dbc import dbc_text
+from hil import compiled
+from hil.wire.fields import LAYOUTS
 
 
 @pytest.fixture(scope="module")
 def database():
-    return cantools.database.load_string(generate.dbc_text(), "dbc", strict=True)
+    return cantools.database.load_string(dbc_text(), "dbc", strict=True)
 
 
-def test_checked_in_files_follow_from_the_declarations():
-    outputs = [(generate.DBC, generate.dbc_text()), (generate.TABLE, generate.table_text())]
-    assert generate.drifted(outputs) == []
+@pytest.mark.parametrize("name", generate.OUTPUTS)
+def test_checked_in_files_follow_from_the_declarations(name):
+    assert generate.drifted({name: generate.OUTPUTS[name]}, compiled.root()) == []
 
 
 def test_drift_and_absence_are_both_seen(tmp_path):
-    path = tmp_path / "fpeg.dbc"
-    assert generate.drifted([(path, "text")]) == [path]
-    path.write_text("text")
-    assert generate.drifted([(path, "text")]) == []
-    assert generate.drifted([(path, "other")]) == [path]
+    outputs = {"page.md": lambda: "text"}
+    assert generate.drifted(outputs, tmp_path) == ["page.md"]
+    (tmp_path / "page.md").write_text("text")
+    assert generate.drifted(outputs, tmp_path) == []
+    (tmp_path / "page.md").write_text("other")
+    assert generate.drifted(outputs, tmp_path) == ["page.md"]
+
+
+def test_check_names_the_file_that_has_drifted_in_one_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "page.md").write_text("other")
+    monkeypatch.setattr(generate, "OUTPUTS", {"page.md": lambda: "text"})
+    monkeypatch.setattr(compiled, "root", lambda: tmp_path)
+    monkeypatch.setattr(sys, "argv", ["generate", "--check"])
+    assert generate.main() == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("page.md has drifted")
 
 
 def test_check_exits_with_zero_when_nothing_has_drifted():
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "hil.generate", "--check"],
+        [sys.executable, "-W", "error", "-m", "bench.dev.generate", "--check"],
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_checked_in_dbc_loads_with_every_message():
-    database = cantools.database.load_file(generate.DBC, strict=True)
+    database = cantools.database.load_file(compiled.root() / "hil/wire/fpeg.dbc", strict=True)
     assert {m.frame_id: m.name for m in database.messages} == {
         layout.can_id: layout.name for layout in LAYOUTS.values()
     }
@@ -60,7 +73,7 @@ def test_dbc_has_scale_unit_range_and_comment_of_every_signal(layout, database):
 
 
 def test_table_names_every_signal_and_every_channel():
-    text = generate.table_text()
+    text = messages_page.page()
     for layout in LAYOUTS.values():
         assert f"## {layout.name} (0x{layout.can_id:X}" in text
         assert all(f"| `{placed.name}` |" in text for placed in layout.fields)

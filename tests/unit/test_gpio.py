@@ -8,23 +8,24 @@ import time
 
 import pytest
 
-from drivers import gpio_low, ring
-from drivers.analog import Calibration, IioInput
-from drivers.gpio import OutputLink, OutputProcess, open_outputs, with_outputs
-from drivers.gpio_lines import GpiodLines
-from drivers.gpio_process import HEAD, EdgeDriver, drive, split
+from drivers.analog.input import Calibration, IioInput
+from drivers.gpio import low as gpio_low
+from drivers.gpio.lines import GpiodLines
+from drivers.gpio.link import OutputLink, OutputProcess, open_outputs, with_outputs
+from drivers.gpio.process import HEAD, EdgeDriver, drive, split
 from drivers.links import open_memory
-from hil.codec import Encoder
+from drivers.recorder import ring
 from hil.config.load import build
 from hil.config.outputs import OutputsConfig
 from hil.errors import ConfigError, RunError
-from hil.messages import ControllerTick, MachineCommand, Pulse
+from hil.wire.codec import Encoder
+from hil.wire.messages import ControllerTick, MachineCommand, Pulse
 
 MS = 1_000_000
 CONFIG = OutputsConfig(
     chip="/dev/gpiochip9", lines={"injector_left": 4, "spark_left": 17}, late_us=300
 )
-GENERATING, SAFE = 2, 4
+OFF, _, GENERATING, STOPPING, SAFE = range(5)
 
 
 class FakeLines:
@@ -59,7 +60,7 @@ class Frames:
 @pytest.fixture
 def driver():
     lines = FakeLines()
-    made = EdgeDriver(lines, CONFIG, MS)
+    made = EdgeDriver(lines, CONFIG, MS, 10)
     made.lines = lines
     return made
 
@@ -68,7 +69,9 @@ def test_frames_become_edges_on_the_monotonic_clock(driver):
     """Tick k arrived at 500 ms + k; a pulse at plant time 5 ms is an edge at 505 ms."""
     frames = Frames()
     for tick in range(1, 4):
-        driver.take((500 + tick) * MS, frames.answer(tick, Pulse(0, 5000, 2000)), 503 * MS)
+        arrived_ns = (500 + tick) * MS
+        answer = frames.answer(tick, Pulse(0, 5000, 2000))
+        driver.take(arrived_ns, arrived_ns + 200_000, answer)
     assert driver.act(503 * MS) == 503 * MS + 250_000  # a nap, the edge is farther away
     driver.act(504 * MS + 990_000)
     assert driver.lines.edges == []
@@ -79,54 +82,106 @@ def test_frames_become_edges_on_the_monotonic_clock(driver):
     assert driver.late == 0
 
 
-def test_the_safe_state_lets_the_lines_be_low_and_forgets_what_was_ordered(driver):
+@pytest.mark.parametrize("mode", [OFF, STOPPING, SAFE])
+def test_a_mode_that_does_not_fire_lets_the_lines_be_low_and_forgets_what_was_ordered(driver, mode):
+    """Nothing is sent after it: what was ordered is cleared, and not only what is repeated."""
     frames = Frames()
-    driver.take(500 * MS, frames.answer(0, Pulse(2, 1000, 5000)), 500 * MS)
+    ordered = Pulse(0, 1900, 9000), Pulse(2, 6000, 500)
+    driver.take(500 * MS, 500 * MS + 1, frames.answer(0, *ordered))
     driver.act(502 * MS)
-    assert driver.lines.levels[2]
-    driver.take(502 * MS, frames.answer(2, mode=SAFE), 502 * MS)
-    assert not any(driver.lines.levels.values())
+    assert driver.lines.levels[0]
+    driver.take(502 * MS, 502 * MS + 1, frames.answer(2, mode=mode))
     driver.act(503 * MS)
-    assert driver.lines.edges == [(2, True)]
+    assert not any(driver.lines.levels.values())
+    driver.act(507 * MS)
+    assert driver.lines.edges == [(0, True), (0, False)]
 
 
-def test_silence_lets_the_lines_be_low(driver):
-    driver.take(500 * MS, Frames().answer(0, Pulse(2, 1000, 60_000)), 500 * MS)
+@pytest.mark.parametrize(("silence_s", "low_ms"), [(None, 511), (0.005, 506), (0.02, 511)])
+def test_silence_lets_the_lines_be_low_when_it_does_in_the_plant_or_sooner(silence_s, low_ms):
+    """Ten ticks after the one in which the last answer acted, unless told otherwise."""
+    lines = FakeLines()
+    driver = EdgeDriver(lines, CONFIG.model_copy(update={"silence_s": silence_s}), MS, 10)
+    driver.take(500 * MS, 500 * MS, Frames().answer(0, Pulse(2, 1000, 20_000)))
+    driver.act(501 * MS)
+    driver.act(low_ms * MS - 1)
+    assert lines.levels[2]
+    driver.act(low_ms * MS)
+    assert lines.edges == [(2, True), (2, False)]
+
+
+def test_an_opening_that_comes_to_be_placed_too_late_is_left_out(driver):
+    driver.take(500 * MS, 500 * MS, Frames().answer(0, Pulse(0, 2000, 5000), Pulse(2, 1900, 5000)))
+    driver.act(502 * MS + 299_000)
+    assert (driver.lines.edges, driver.late) == ([(0, True)], 1)
+
+
+def test_a_tick_that_is_answered_without_its_sample_does_not_move_the_plants_clock(driver):
+    """Its arrival is 0: that of the sample before would say that the tick was early by one."""
+    frames = Frames()
+    driver.take(500 * MS, 500 * MS + 1, frames.answer(0))
+    for tick in range(1, 4):
+        driver.take(0, 500 * MS + tick * MS + 500_000, frames.answer(tick, Pulse(0, 6000, 1000)))
+    driver.act(506 * MS - 1)
+    assert driver.lines.edges == []
+    driver.act(506 * MS)
+    assert driver.lines.edges == [(0, True)]
+
+
+def test_a_link_tells_the_arrival_of_the_sample_that_is_answered_and_none_without():
+    shown = []
+
+    class Outputs:
+        put = staticmethod(lambda data: shown.append(HEAD.unpack_from(data)))
+
+    plant, controller = open_memory()
+    link = OutputLink(controller.link, Outputs())
+    plant.link.send(b"s" * 20)
+    link.wait(0)
+    link.send(b"1")
+    assert link.wait(0) is None
+    link.send(b"2")
+    (arrived, sent, _), (none, later, _) = shown
+    assert 0 < arrived <= sent <= later
+    assert none == 0
+
+
+def test_a_plant_that_begins_anew_finds_the_lines_low(driver):
+    frames = Frames()
+    driver.take(500 * MS, 500 * MS, frames.answer(1000, Pulse(2, 1_001_900, 20_000)))
     driver.act(502 * MS)
     assert driver.lines.levels[2]
-    driver.act(521 * MS)
-    assert not driver.lines.levels[2]
-    driver.act(522 * MS)
-    assert driver.lines.edges == [(2, True)]
+    driver.take(503 * MS, 503 * MS, frames.answer(0))
+    assert not any(driver.lines.levels.values())
 
 
 def test_corrupted_frames_move_no_line(driver):
     batch = bytearray(Frames().answer(0, Pulse(2, 1000, 5000)))
     batch[25] ^= 0x40
-    driver.take(500 * MS, bytes(batch), 500 * MS)
+    driver.take(500 * MS, 500 * MS, bytes(batch))
     driver.act(502 * MS)
     assert driver.lines.edges == []
 
 
 def test_the_rings_bytes_are_cut_into_answers():
-    data = b"".join(HEAD.pack(i, 20) + bytes([i]) * 20 for i in range(3))
+    data = b"".join(HEAD.pack(i, i + 1, 20) + bytes([i]) * 20 for i in range(3))
     records, rest = split(data + b"\x01\x02")
-    assert records == [(i, bytes([i]) * 20) for i in range(3)]
+    assert records == [(i, i + 1, bytes([i]) * 20) for i in range(3)]
     assert rest == b"\x01\x02"
-    assert split(data[:25]) == ([], data[:25])
+    assert split(data[:33]) == ([], data[:33])
 
 
 def test_the_drive_reads_acts_and_ends():
     """The pulse is far ahead, and little of it too late, so that a busy machine has time for it."""
-    patient = CONFIG.model_copy(update={"silence_s": 60.0, "late_us": 60_000_000})
+    patient = CONFIG.model_copy(update={"late_us": 60_000_000})
     fd = ring.create(1 << 14)
     producer, consumer = ring.Producer(fd), ring.Consumer(fd)
     os.close(fd)
     lines, now = FakeLines(), time.monotonic_ns()
     batch = Frames().answer(0, Pulse(0, 50_000, 1000))
-    producer.put(HEAD.pack(now, len(batch)) + batch)
+    producer.put(HEAD.pack(now, now, len(batch)) + batch)
     end = now + 60_000 * MS
-    drive(EdgeDriver(lines, patient, MS), consumer, 100_000,
+    drive(EdgeDriver(lines, patient, MS, 60_000), consumer, 100_000,
           lambda: len(lines.edges) < 2 and time.monotonic_ns() < end)  # fmt: skip
     assert lines.edges == [(0, True), (0, False)]
 
@@ -193,7 +248,7 @@ def test_a_map_that_cannot_be_is_refused(outputs, text):
 
 
 def scenario(clock="realtime"):
-    tree = {"outputs": CONFIG.model_dump(), "loop": {"clock": clock}}
+    tree = {"outputs": {**CONFIG.model_dump(), "late_us": 10_000}, "loop": {"clock": clock}}
     return build(tree, "file")
 
 
@@ -209,7 +264,7 @@ class Request:
     def set_values(self, values): self.note("low")
     def release(self): self.note("released")
 gpiod.request_lines = Request
-from drivers.gpio_process import main
+from drivers.gpio.process import main
 sys.exit(main())
 """
 
@@ -229,17 +284,15 @@ def test_a_link_shows_its_frames_to_the_lines(outputs):
     plant, controller = open_memory()
     shown = with_outputs(controller, outputs)
     frames = Frames()
-    for tick in range(8):
+    for tick in range(30):
         plant.link.send(b"s" * 20)
         assert shown.link.wait(0) == b"s" * 20
         if tick == 0:
             begin = time.monotonic_ns()
-        shown.link.send(frames.answer(tick, Pulse(2, 20_000, 3_000)))
+        shown.link.send(frames.answer(tick, *([Pulse(2, 20_000, 3_000)] if tick < 8 else [])))
         assert plant.link.receive() is not None
         while time.monotonic_ns() < begin + (tick + 1) * MS:
             pass
-    while time.monotonic_ns() < begin + 30 * MS:
-        shown.link.send(frames.answer(int((time.monotonic_ns() - begin) // MS)))
     shown.close()
     told = outputs.edges()
     assert [text for _, text in told if text[0] == "1"] == ["17 1", "17 0"]
@@ -269,7 +322,7 @@ def test_orphaned_it_leaves_the_lines_low(tmp_path):
     code = FAKE_CHIP.format(log=str(log))
     parent = (
         "import sys, time\n"
-        "from drivers.gpio import OutputProcess\n"
+        "from drivers.gpio.link import OutputProcess\n"
         "from hil.config.scenario import Scenario\n"
         "OutputProcess(Scenario.model_validate_json(sys.argv[1]),"
         " (sys.executable, '-c', sys.argv[2]))\n"

@@ -1,99 +1,64 @@
-"""Pulses become edges in order, each once, and never a line left high."""
+"""Answers act at their tick, silence shuts, and the plant's clock is learnt from arrivals."""
 
-from hypothesis import given
-from hypothesis import strategies as st
+import pytest
 
-from drivers.gpio_schedule import NEVER, Edge, EdgeSchedule, PlantClock, unwrapped_ns
+from drivers.gpio.schedule import EdgeSchedule, PlantClock
+from hil.values import NEVER
+from hil.wire.messages import Pulse
 
 MS = 1_000_000
-CHANNELS = frozenset({0, 1, 2, 3})
+GENERATING, STOPPING = 2, 3
 
 
-def schedule(late_ns=0):
-    return EdgeSchedule(CHANNELS, late_ns)
+def schedule(*answers):
+    """A schedule that has heard (tick [ms], mode, pulses)."""
+    made = EdgeSchedule(silence_ns=10 * MS)
+    for acts_ms, mode, *sent in answers:
+        made.answer(acts_ms * MS, mode, sent)
+    return made
 
 
-def test_a_pulse_opens_and_closes_at_its_times():
-    s = schedule()
-    s.order(0, 5 * MS, 7 * MS, now_ns=0)
-    assert s.next_ns() == 5 * MS
-    assert s.due(5 * MS - 1) == []
-    assert s.due(5 * MS) == [Edge(5 * MS, 0, high=True)]
-    assert s.next_ns() == 7 * MS
-    assert s.due(7 * MS) == [Edge(7 * MS, 0, high=False)]
+def shown(edges):
+    return [(edge.t_ns / MS, edge.channel, edge.high) for edge in edges]
+
+
+def test_an_answer_acts_at_its_tick_and_not_before():
+    s = schedule((2, GENERATING, Pulse(0, 2_000, 500)))
+    assert s.next_ns() == 2 * MS
+    assert s.due(2 * MS - 1) == []
+    assert shown(s.due(2 * MS)) == [(2, 0, True)]
+    assert s.next_ns() == 2_500_000
+    assert shown(s.due(9 * MS)) == [(2.5, 0, False)]
     assert s.next_ns() == NEVER
 
 
-def test_a_repeated_pulse_changes_nothing_open_or_over():
-    s = schedule()
-    for now in (0, 4 * MS):
-        s.order(2, 5 * MS, 6 * MS, now)
-    s.due(5 * MS)
-    s.order(2, 5 * MS, 6 * MS, 5 * MS + 1)
-    assert s.due(6 * MS) == [Edge(6 * MS, 2, high=False)]
-    s.order(2, 5 * MS, 6 * MS, 6 * MS + 1)
-    assert s.next_ns() == NEVER
+def test_the_next_edge_is_known_of_an_answer_that_does_not_act_yet():
+    s = schedule((1, GENERATING, Pulse(0, 1_500, 8_000)))
+    s.due(2 * MS)
+    s.answer(4 * MS, STOPPING, [])
+    assert s.next_ns() == 4 * MS
+    assert shown(s.due(5 * MS)) == [(4, 0, False)]
 
 
-def test_a_newer_pulse_replaces_what_is_not_yet_due():
-    s = schedule()
-    s.order(1, 5 * MS, 7 * MS, 0)
-    s.order(1, 6 * MS, 9 * MS, 1 * MS)
-    assert s.due(8 * MS) == [Edge(6 * MS, 1, high=True)]
-    s.order(1, 6 * MS, 8 * MS + 1, 8 * MS)  # an earlier closing of an open one
-    assert s.due(8 * MS + 1) == [Edge(8 * MS + 1, 1, high=False)]
+def test_a_schedule_that_is_looked_at_late_gives_the_same_edges():
+    answers = [(k, GENERATING, Pulse(2, 3_100, 4_000)) for k in range(1, 5)] + [(5, STOPPING)]
+    early, late = schedule(*answers), schedule(*answers)
+    seen = [edge for now_us in range(0, 20_000, 100) for edge in early.due(now_us * 1000)]
+    assert shown(seen) == shown(late.due(20 * MS)) == [(3.1, 2, True), (5, 2, False)]
 
 
-def test_an_opening_that_is_known_too_late_is_left_out_and_counted_once():
-    s = schedule(late_ns=300_000)
-    for now in (6 * MS, 6 * MS + 1):
-        s.order(0, 5 * MS, 7 * MS, now)
-    assert (s.late, s.next_ns()) == (1, NEVER)
-    s.order(1, 5 * MS, 7 * MS, 5 * MS + 200_000)  # within the tolerance
-    assert s.due(5 * MS + 200_000)[0].high
+def test_silence_shuts_before_what_comes_after_it():
+    s = schedule((1, GENERATING, Pulse(5, 1_500, 60_000)), (30, GENERATING))
+    assert shown(s.due(40 * MS)) == [(1.5, 5, True), (11, 5, False)]
 
 
-def test_channels_without_a_line_are_nobodys():
-    s = schedule()
-    s.order(6, 5 * MS, 7 * MS, 0)
-    assert s.next_ns() == NEVER
-
-
-def test_what_was_cleared_is_not_taken_up_again():
-    s = schedule(late_ns=10 * MS)
-    s.order(0, 5 * MS, 9 * MS, 0)
-    s.due(5 * MS)
-    s.clear(6 * MS)
-    s.order(0, 5 * MS, 9 * MS, 6 * MS)
-    assert s.next_ns() == NEVER
-
-
-orders = st.lists(
-    st.tuples(st.integers(0, 3), st.integers(0, 50), st.integers(1, 9), st.integers(0, 3)),
-    max_size=40,
-)
-
-
-@given(orders)
-def test_edges_alternate_and_end_low(pulses):
-    """Whatever is ordered, a channel's edges alternate from high on and the last one is low."""
-    s, levels, now = schedule(), dict.fromkeys(CHANNELS, False), 0
-    for channel, ahead, length, pause in pulses:
-        now += pause
-        s.order(channel, now + ahead, now + ahead + length, now)
-        for edge in s.due(now):
-            assert levels[edge.channel] is not edge.high
-            levels[edge.channel] = edge.high
-    for edge in s.due(now + 1000):
-        assert levels[edge.channel] is not edge.high
-        levels[edge.channel] = edge.high
-    assert not any(levels.values())
-
-
-@given(st.integers(0, 2**50), st.integers(-400_000, 400_000))
-def test_twenty_bits_of_microseconds_are_enough_within_half_a_second(now_us, ahead_us):
-    open_us = now_us + ahead_us
-    assert unwrapped_ns(open_us % (1 << 20), now_us * 1000) == open_us * 1000
+@pytest.mark.parametrize("mode", [None, GENERATING])
+def test_an_answer_without_a_head_says_nothing_by_itself(mode):
+    s = schedule((1, None, Pulse(0, 1_500, 500)), (1, mode, Pulse(2, 1_600, 500)))
+    edges = (
+        [] if mode is None else [(1.5, 0, True), (1.6, 2, True), (2.0, 0, False), (2.1, 2, False)]
+    )
+    assert shown(s.due(5 * MS)) == edges
 
 
 def test_one_late_arrival_does_not_move_the_plants_clock():
@@ -106,6 +71,13 @@ def test_one_late_arrival_does_not_move_the_plants_clock():
 
 def test_a_plant_that_began_anew_is_followed():
     clock = PlantClock(MS, phase_ns=30_000)
-    clock.arrived(100_000, 200_000 * MS)
-    clock.arrived(0, 200_500 * MS)
+    assert clock.arrived(100_000, 200_000 * MS)
+    assert not clock.arrived(100_001, 200_001 * MS)
+    assert clock.arrived(0, 200_500 * MS)
     assert clock.plant_ns(200_500 * MS) == 30_000
+
+
+def test_the_next_tick_is_that_which_begins_at_an_instant_or_after_it():
+    clock = PlantClock(MS, 0)
+    clock.arrived(0, 500 * MS)
+    assert [clock.tick_after(500 * MS + t_ns) for t_ns in (0, 1, MS, MS + 1)] == [0, 1, 1, 2]

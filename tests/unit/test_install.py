@@ -43,7 +43,7 @@ def test_every_unit_is_there_and_knows_its_interpreter(installed: Path) -> None:
         if path.is_file():
             assert "@PYTHON@" not in path.read_text()
     controller = (units / "fpeg-controller.service").read_text()
-    assert "ExecStart=/opt/python/bin/python3 -P -m bench.service controller" in controller
+    assert "ExecStart=/opt/python/bin/python3 -P -m bench.run.service controller" in controller
     assert (units / "fpeg-plant.service.d/cpu.conf").read_text() == "[Service]\nCPUAffinity=2\n"
     assert (units / "fpeg-controller.service.d/cpu.conf").read_text().endswith("CPUAffinity=3\n")
 
@@ -51,7 +51,7 @@ def test_every_unit_is_there_and_knows_its_interpreter(installed: Path) -> None:
 def test_all_packages_and_their_data_are_there(installed: Path) -> None:
     lib = installed / "opt/fpeg-hil/lib"
     assert {"hil", "drivers", "plant", "controller", "bench"} <= {p.name for p in lib.iterdir()}
-    assert (lib / "hil/fpeg.dbc").exists()
+    assert (lib / "hil/wire/fpeg.dbc").exists()
     assert (lib / "bench/scenarios/load-decrease.toml").exists()
     assert not list(lib.rglob("*.pyc"))
 
@@ -123,7 +123,7 @@ def test_a_wrong_argument_is_named(tmp_path: Path, arguments: list[str], named: 
 
 
 def test_the_installed_configuration_is_accepted() -> None:
-    from bench.service import read
+    from bench.run.service import read
 
     path = SYSTEMD / "config/engine.toml"
     scenario = read(path)

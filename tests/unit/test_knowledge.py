@@ -5,9 +5,9 @@ import math
 import pytest
 
 from controller.knowledge import load_for_power, motoring_force, operating_point
-from hil.prototypes import BIT, NU
-from plant.limit_cycle import harmonic_cycle
-from plant.params import engine_of
+from hil.config.prototypes import BIT, NU
+from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import harmonic_cycle
 
 
 def test_thesis_set_point_needs_the_fuel_of_eq_5_60():
@@ -24,7 +24,7 @@ def test_thesis_set_point_needs_the_fuel_of_eq_5_60():
 def test_operating_point_is_the_inverse_of_the_closed_form(engine, load, share):
     tdc = share * engine.half_stroke_m
     point = operating_point(engine, tdc, load)
-    cycle = harmonic_cycle(engine_of(engine, "harmonic"), point.fuel_kg, load)
+    cycle = harmonic_cycle(constants_of(engine, "harmonic"), point.fuel_kg, load)
     assert cycle.tdc_m == pytest.approx(tdc, rel=1e-12)
     assert cycle.v_mid_m_s == pytest.approx(point.v_mid_m_s, rel=1e-12)
     assert 0.5 / cycle.frequency_hz == pytest.approx(point.stroke_s, rel=1e-12)

@@ -1,32 +1,54 @@
 """Piston-motion laws: a PI that does not wind up, and no bump at the operating point."""
 
+import math
+from operator import attrgetter
+
 import pytest
 
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.studies import compare_page
+from bench.studies.compare import laws_of
 from controller.knowledge import operating_point
-from controller.laws import LAWS
-from controller.laws.interface import StrokeFacts
-from controller.laws.pi import pi_step
+from controller.motion.law import Demand, Law, View
+from controller.motion.laws import LAWS
+from controller.motion.pi import pi_step
+from controller.observe.estimate import MID_STROKE, Motion
 from hil.config.controller import ControllerConfig, Gains, OpenLoopConfig
-from hil.prototypes import NU
+from hil.config.load import build
+from hil.config.prototypes import NU
+from hil.errors import ConfigError
 
 POINT = operating_point(NU, 0.0155, 810.0)
-FACTS = StrokeFacts(0.0155, 0.0155, POINT.v_mid_m_s, POINT, 0.2e-6, 6.0e-6)
+
+
+def seen(tdc_m=0.0155, v_mid_m_s=POINT.v_mid_m_s):
+    """A tick at mid-stroke."""
+    motion = Motion(direction=1, tdc_m=tdc_m, v_mid_m_s=v_mid_m_s, passed_mid=True)
+    return View(
+        dt_s=1e-3, motion=motion, passed=MID_STROKE, tdc_ref_m=0.0155, load_n_s_m=810.0,
+        point=POINT, power_w=math.nan, burnt_kg=(0.0, 0.0), fuel_min_kg=0.2e-6,
+        fuel_max_kg=6.0e-6, stroke_map=None,
+    )  # fmt: skip
+
+
+STEADY = seen()
 CONFIG = ControllerConfig()
 CLOSED = ["cascade", "single-loop"]
 
 
-def run(name, facts, strokes, state=None, config=CONFIG):
+def run(name, view, strokes, state=None, config=CONFIG):
     law = LAWS[name]
     state, demand = law.initial if state is None else state, None
     for _ in range(strokes):
-        state, demand = law.step(config, state, facts)
+        state, demand = law.step(config, state, view)
     return state, demand
 
 
 def test_pi_is_proportional_plus_what_was_summed_up_before():
     gains = Gains(kp=2.0, ki=0.5)
     integral, terms = pi_step(gains, 0.25, 1.0, -10.0, 10.0)
-    assert terms == (2.25, 2.0, 0.25)
+    assert (terms.u, terms.p, terms.i) == (2.25, 2.0, 0.25)
     assert integral == 0.75
 
 
@@ -58,13 +80,13 @@ def test_pi_may_unwind_while_it_is_saturated():
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_at_the_operating_point_nothing_moves(name):
-    state, demand = run(name, FACTS, 20)
+    state, demand = run(name, STEADY, 20)
     assert state == LAWS[name].initial
     assert demand.fuel_kg == pytest.approx(POINT.fuel_kg, rel=1e-12)
 
 
 def test_cascade_reference_is_the_steady_speed_at_the_operating_point():
-    _, demand = run("cascade", FACTS, 1)
+    _, demand = run("cascade", STEADY, 1)
     assert demand.v_ref_m_s == pytest.approx(POINT.v_mid_m_s)
 
 
@@ -72,31 +94,31 @@ def test_cascade_reference_is_the_steady_speed_at_the_operating_point():
 @pytest.mark.parametrize("error_m", [1e-3, -1e-3])
 def test_too_short_a_stroke_gets_more_fuel_and_too_long_a_one_less(name, error_m):
     speed = POINT.v_mid_m_s * (0.0155 - error_m) / 0.0155
-    facts = FACTS._replace(tdc_m=0.0155 - error_m, v_mid_m_s=speed)
-    _, demand = run(name, facts, 3)
+    view = seen(tdc_m=0.0155 - error_m, v_mid_m_s=speed)
+    _, demand = run(name, view, 3)
     assert (demand.fuel_kg - POINT.fuel_kg) * error_m > 0.0
 
 
 @pytest.mark.parametrize("name", CLOSED)
 @pytest.mark.parametrize(("tdc_m", "v", "limit"), [(0.005, 0.3, 6.0e-6), (0.0195, 4.0, 0.2e-6)])
 def test_fuel_stays_within_its_limits_and_the_integrals_do_not_grow(name, tdc_m, v, limit):
-    facts = FACTS._replace(tdc_m=tdc_m, v_mid_m_s=v)
-    state, demand = run(name, facts, 200)
-    later, _ = run(name, facts, 200, state)
+    view = seen(tdc_m=tdc_m, v_mid_m_s=v)
+    state, demand = run(name, view, 200)
+    later, _ = run(name, view, 200, state)
     assert demand.fuel_kg == pytest.approx(limit)
     assert later == state
 
 
 def test_cascade_limits_how_far_the_outer_loop_moves_the_speed():
-    _, demand = run("cascade", FACTS._replace(tdc_m=0.0), 100)
+    _, demand = run("cascade", seen(tdc_m=0.0), 100)
     most = CONFIG.cascade.v_correction_max_m_s
     assert demand.v_ref_m_s - POINT.v_mid_m_s == pytest.approx(most)
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_demand_adds_up_from_its_terms(name):
-    facts = FACTS._replace(tdc_m=0.0153, v_mid_m_s=POINT.v_mid_m_s - 0.01)
-    _, demand = run(name, facts, 4)
+    view = seen(tdc_m=0.0153, v_mid_m_s=POINT.v_mid_m_s - 0.01)
+    _, demand = run(name, view, 4)
     assert demand.fuel_kg == pytest.approx(
         POINT.fuel_kg + demand.inner_p_kg + demand.inner_i_kg, rel=1e-12
     )
@@ -107,8 +129,8 @@ def test_demand_adds_up_from_its_terms(name):
 
 
 def test_single_loop_knows_nothing_of_the_speed():
-    slow = run("single-loop", FACTS._replace(v_mid_m_s=0.1), 5)
-    fast = run("single-loop", FACTS._replace(v_mid_m_s=5.0), 5)
+    slow = run("single-loop", seen(v_mid_m_s=0.1), 5)
+    fast = run("single-loop", seen(v_mid_m_s=5.0), 5)
     assert slow == fast
 
 
@@ -116,8 +138,42 @@ def test_single_loop_knows_nothing_of_the_speed():
 def test_open_loop_gives_its_fuel_whatever_happens(fuel_kg):
     config = ControllerConfig(open_loop=OpenLoopConfig(fuel_kg=fuel_kg))
     expected = POINT.fuel_kg if fuel_kg is None else fuel_kg
-    for facts in (FACTS, FACTS._replace(tdc_m=0.001, v_mid_m_s=0.0)):
-        assert run("open-loop", facts, 3, config=config)[1].fuel_kg == expected
+    for view in (STEADY, seen(tdc_m=0.001, v_mid_m_s=0.0)):
+        assert run("open-loop", view, 3, config=config)[1].fuel_kg == expected
+
+
+def more_fuel(config, state, view):
+    return state + 1, Demand(1.01 * view.point.fuel_kg)
+
+
+def test_a_law_is_a_row_and_nothing_else(monkeypatch):
+    """It can be configured, run, taken over to, compared and tuned by its name alone."""
+    monkeypatch.setitem(LAWS, "mine", Law("mine", 0, more_fuel))
+    tree = {
+        "loop": {"clock": "lockstep"},
+        "run": {"duration_s": 0.4},
+        "controller": {"name": "mine"},
+    }
+    tree["events"] = {"back": {"kind": "law", "law": "mine", "at_s": 0.2}}
+    course = simulate(resolve(build(tree, "test")))
+    assert course.mode == "generating"
+    assert course.dead_centres[-1].fuel_kg == pytest.approx(1.01 * POINT.fuel_kg, rel=0.02)
+    assert laws_of(None)[-1] == "mine"
+    assert compare_page._colour("mine").startswith("#")
+
+
+@pytest.mark.parametrize("events", [{}, {"to": {"kind": "law", "law": "none-such", "at_s": 0.1}}])
+def test_a_name_without_a_row_is_refused_with_those_that_have_one(events):
+    tree = {"controller": {"name": "cascade" if events else "none-such"}, "events": events}
+    key = "events.to.law" if events else "controller.name"
+    with pytest.raises(ConfigError, match=f"{key} = 'none-such': accepted: cascade, single"):
+        resolve(build(tree, "test"))
+
+
+@pytest.mark.parametrize(("name", "law"), LAWS.items())
+def test_what_may_be_tuned_is_a_key_of_the_configuration(name, law):
+    for key in law.parameters:
+        assert attrgetter(key)(CONFIG) > 0.0
 
 
 @pytest.mark.parametrize("name", LAWS)

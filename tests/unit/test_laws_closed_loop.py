@@ -4,18 +4,18 @@ import statistics
 
 import pytest
 
-from bench import tune
-from bench.bound import step_bound
-from bench.offline import simulate
-from bench.resolve import resolve
-from bench.scenarios import find
-from controller.laws import LAWS
-from controller.trimming import refusal
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from bench.run.scenarios import find
+from bench.studies import tune
+from bench.studies.bound import step_bound
+from controller.motion.choice import refusal
+from controller.motion.laws import LAWS
 from hil.config.base import read_toml
 from hil.config.load import build, with_override
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.prototypes import NU
-from plant.params import engine_of
+from plant.engines.fast.constants import constants_of
 
 REF, LOAD = 0.0155, 810.0
 SLACK_MM = 0.012
@@ -35,7 +35,7 @@ def errors_mm(course, ref_m=REF):
 
 
 def bound_of(cell, knowledge):
-    return step_bound(engine_of(NU, cell.model), REF, LOAD, cell.load, cell.fraction, knowledge)
+    return step_bound(constants_of(NU, cell.model), REF, LOAD, cell.load, cell.fraction, knowledge)
 
 
 @pytest.mark.parametrize("cell", tune.CELLS, ids=str)

@@ -12,9 +12,18 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 import hil.log
-from drivers.mcap_file import McapFile, index_messages
+from drivers.recorder.mcap_file import McapFile, index_messages
 from hil.errors import LogError
-from hil.topics import ALL, EVENT, FRAMES_RECEIVED, FRAMES_SENT, SENSOR, STROKE, TIMING, TRUTH
+from hil.log.topics import (
+    ALL,
+    EVENT,
+    FRAMES_RECEIVED,
+    FRAMES_SENT,
+    SENSOR,
+    STROKE,
+    TIMING,
+    TRUTH,
+)
 
 ZEROS = (0, 0, 0, 0)
 CHUNKS, TICKS = 3, 50

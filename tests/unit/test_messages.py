@@ -1,11 +1,9 @@
-"""The wire as a whole: frames a tick, bus load, and numbers that other tables repeat."""
+"""The wire as a whole: frames a tick, bus load, identifiers."""
 
 import pytest
 
-from hil import messages
-from hil.generate import FRAME_BITS_MAX, frames_per_tick
-from hil.signals import LAYOUTS
-from plant import actuation
+from bench.dev.messages_page import FRAME_BITS_MAX, frames_per_tick
+from hil.wire.fields import LAYOUTS
 
 
 def test_a_tick_has_at_most_six_frames_in_both_directions_together():
@@ -24,19 +22,3 @@ def test_the_plants_frames_win_the_arbitration():
     ids = {sender: [i for i, x in LAYOUTS.items() if x.sender == sender] for sender in
            ("plant", "controller")}  # fmt: skip
     assert max(ids["plant"]) < min(ids["controller"])
-
-
-def test_channels_have_one_numbering():
-    assert (
-        messages.INJECTOR_LEFT,
-        messages.INJECTOR_RIGHT,
-        messages.SPARK_LEFT,
-        messages.SPARK_RIGHT,
-    ) == (
-        actuation.INJECTOR_LEFT,
-        actuation.INJECTOR_RIGHT,
-        actuation.SPARK_LEFT,
-        actuation.SPARK_RIGHT,
-    )
-    assert messages.CHANNELS[messages.SPARK_RIGHT] == "spark_right"
-    assert actuation.MODULUS_US == messages.PULSE_CLOCK_US

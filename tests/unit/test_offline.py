@@ -2,14 +2,14 @@
 
 import pytest
 
-import controller.main
-import plant.main
-from bench.offline import simulate
-from bench.resolve import resolve
+import controller.build
+import plant.build
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from drivers.links import open_memory
-from drivers.recorder import NullRecorder
+from drivers.recorder.client import NullRecorder
 from hil.config.load import build
-from plant.state import DeadCentre
+from plant.rig.state import DeadCentre
 
 
 def scenario(**tree):
@@ -20,9 +20,8 @@ def scenario(**tree):
 def over_the_wire(resolved):
     """Dead centres of both loops over a memory link."""
     plant_end, controller_end = open_memory()
-    plant_loop = plant.main.make_loop(resolved, plant_end, NullRecorder())
-    pacer = controller.main.make_pacer(resolved)
-    controller_loop = controller.main.make_loop(resolved, controller_end, pacer, NullRecorder())
+    plant_loop = plant.build.make_loop(resolved, plant_end, NullRecorder())
+    controller_loop = controller.build.make_loop(resolved, controller_end, NullRecorder())
     plant_end.link.on_send = lambda: controller_loop.turn(controller_end.link.receive())
     found: list[DeadCentre] = []
     tick = 0

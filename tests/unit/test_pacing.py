@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.clock import SystemClock
+from drivers.system.clock import SystemClock
 from hil.errors import ConfigError
 from hil.pacing import LockstepPacer, RealTimePacer, Slot, next_slot
 

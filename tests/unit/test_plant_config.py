@@ -4,7 +4,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from hil.config.plant import PlantConfig, PlantEvent
-from hil.prototypes import PROTOTYPES
+from hil.config.prototypes import PROTOTYPES
 
 EVENT = TypeAdapter(PlantEvent)
 

@@ -1,12 +1,12 @@
 """Commands that act later than the wire's one tick."""
 
 from hil.config.plant import PlantConfig
-from hil.messages import GENERATOR
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command
-from plant.step import step
+from hil.wire.messages import GENERATOR
+from plant.build import plant_params
+from plant.engines.machine import MachineOrder
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 
 def first_tick_with(delay_ticks, load):

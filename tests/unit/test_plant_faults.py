@@ -4,14 +4,14 @@ import json
 
 import pytest
 
-from bench.resolve import resolve
-from bench.scenarios import read
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
 from hil.errors import ConfigError
 from plant import faults
-from plant.initial import initial_state
-from plant.main import make_params
-from plant.state import Command
-from plant.step import step
+from plant.build import make_params
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 
 def order(**fields):

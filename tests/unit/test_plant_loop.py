@@ -4,17 +4,17 @@ from collections import deque
 
 import pytest
 
-from hil import topics
-from hil.codec import Decoder, Encoder
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
-from hil.messages import ControllerTick, MachineCommand, Pulse
+from hil.log import topics
+from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
 from hil.pacing import LockstepPacer, RealTimePacer
-from hil.records import MESSAGE_HEAD, PAYLOAD_OFFSET
-from plant.initial import initial_state
+from hil.wire.codec import Decoder, Encoder
+from hil.wire.messages import ControllerTick, MachineCommand, Pulse
+from plant.build import plant_params
 from plant.loop import PlantLoop
-from plant.main import raise_if_lost
-from plant.params import plant_params
+from plant.rig.beginning import initial_state
+from plant.status import raise_if_lost
 
 MS = 1_000_000
 FUEL = 2.8185e-6
@@ -157,7 +157,7 @@ def test_of_several_answers_in_one_tick_the_newest_pulse_of_a_channel_counts():
     bench.answer(0, 810.0, Pulse(1, 9_000, 3_000), Pulse(3, 20_000, 500))
     bench.answer(1, 810.0, Pulse(3, 20_100, 500))
     bench.turn()
-    lines = bench.loop.state.pulses.lines
+    lines = bench.loop.state.pulses.table.lines
     assert lines[3].pending.open_ns == 20_100_000
     assert lines[1].pending.open_ns == 9_000_000
     assert "pulse-refused" not in bench.log.codes()
@@ -178,7 +178,7 @@ def test_ten_ticks_without_an_answer_lead_to_the_safe_state_with_its_reason(real
     (event,) = [e for e in bench.log.of("/event") if e["code"] == "safe-state"]
     assert (event["tick"], event["severity"]) == (11, topics.FAULT)
     assert "no valid command for 10 ticks" in event["text"]
-    assert all(line.pending is None for line in bench.loop.state.pulses.lines)
+    assert all(line.pending is None for line in bench.loop.state.pulses.table.lines)
 
 
 def test_plant_comes_to_rest_without_its_controller():
@@ -245,10 +245,10 @@ def test_safe_mode_of_the_controller_forces_every_line_low():
     bench.turn()
     bench.answer(1, 810.0, Pulse(1, 500, 9_000))
     bench.turn()
-    assert bench.loop.state.pulses.lines[3].pending is not None
+    assert bench.loop.state.pulses.table.lines[3].pending is not None
     bench.answer(2, 810.0, Pulse(1, 500, 9_000), mode=SAFE)
     bench.turn()
-    for line in bench.loop.state.pulses.lines:
+    for line in bench.loop.state.pulses.table.lines:
         assert line.open is None
         assert line.pending is None
 

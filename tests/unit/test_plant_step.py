@@ -4,17 +4,18 @@ import math
 
 import pytest
 
-from hil import topics
 from hil.config.plant import MisfireEvent, PlantConfig
+from hil.config.prototypes import NU
 from hil.errors import ConfigError
-from hil.messages import GENERATOR, MOTOR, OFF
-from hil.prototypes import NU
-from plant.actuation import PulseOrder
-from plant.initial import initial_state
-from plant.machine import MachineOrder
-from plant.params import plant_params
-from plant.state import Command, truth
-from plant.step import step
+from hil.log import topics
+from hil.wire.messages import GENERATOR, MOTOR, OFF
+from hil.wire.pulses import PulseOrder
+from plant.build import plant_params
+from plant.engines.machine import MachineOrder
+from plant.log import truth
+from plant.rig.beginning import initial_state
+from plant.rig.state import Command
+from plant.rig.step import step
 
 FUEL = 2.8185e-6
 MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
@@ -27,7 +28,7 @@ def params(model="harmonic", period_ns=1_000_000, events=None, **config):
 
 
 def settled(p):
-    return initial_state(p, STARTING_FUEL.get(p.engine.model, FUEL))[0]
+    return initial_state(p, STARTING_FUEL.get(p.engine.constants.model, FUEL))[0]
 
 
 def run(p, state, command, ticks):
@@ -183,7 +184,7 @@ def test_silence_leads_to_the_safe_state_and_commands_lead_out_of_it():
     assert [e.code for e in events] == ["safe-state"]
     assert events[0].t_ns == 10_000_000
     assert state.machine.load_coefficient_n_s_m == 810.0
-    assert all(line.open is None and line.pending is None for line in state.pulses.lines)
+    assert all(line.open is None and line.pending is None for line in state.pulses.table.lines)
     state, events = run(p, state, Command(order), 1)
     assert [e.code for e in events] == ["safe-state-left"]
     assert state.machine.load_coefficient_n_s_m == 400.0
@@ -192,10 +193,10 @@ def test_silence_leads_to_the_safe_state_and_commands_lead_out_of_it():
 def test_command_that_may_not_fire_forces_every_line_low():
     p = params()
     state, _ = step(p, settled(p), Command(GENERATE, (PulseOrder(1, 0, 9_000), SPARK)))
-    assert state.pulses.lines[1].open is not None
+    assert state.pulses.table.lines[1].open is not None
     state, events = step(p, state, Command(GENERATE, (PulseOrder(1, 0, 9_000),), may_fire=False))
     assert events == ()
-    assert all(line.open is None and line.pending is None for line in state.pulses.lines)
+    assert all(line.open is None and line.pending is None for line in state.pulses.table.lines)
     assert state.pulses.fuel_kg[1] == pytest.approx(0.2e-6)
 
 

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.plausibility import AGREE_TO_BELIEVE, CLEAR, fits, judge
+from controller.observe.plausibility import AGREE_TO_BELIEVE, CLEAR, fits, judge
 
 MS = 1_000_000
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from hil import realtime
+from drivers.system import realtime
 from hil.config.process import RealtimeConfig
 
 

@@ -13,7 +13,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.records import Message
 from mcap_ros2._dynamic import generate_dynamic
 
-from hil.records import (
+from hil.log.records import (
     CDR_LE,
     Field,
     Layout,
@@ -23,7 +23,7 @@ from hil.records import (
     fields_of,
     parse_definition,
 )
-from hil.topics import ALL, EVENT, FRAMES_SENT, SENSOR
+from hil.log.topics import ALL, EVENT, FRAMES_SENT, SENSOR
 
 FLOATS = st.floats(allow_nan=False)
 SCALARS = {

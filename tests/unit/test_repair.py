@@ -10,9 +10,9 @@ from mcap.writer import CompressionType, Writer
 from test_log import TICKS, chunk, open_file
 
 import hil.log
-from bench.log_commands import repair as repair_command
-from bench.mend import default_out, repair
-from drivers.mcap_file import McapFile
+from bench.logs.commands import repair as repair_command
+from bench.logs.repair import default_out, repair
+from drivers.recorder.mcap_file import McapFile
 from hil.errors import ConfigError, HilError, LogError
 from hil.log import summary
 

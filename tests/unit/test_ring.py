@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import ring
+from drivers.recorder import ring
 
 CAPACITY = ring.PAGE
 

@@ -5,8 +5,15 @@ from typing import NamedTuple
 
 import pytest
 
-from hil.messages import MachineCommand, PistonSample, PlantTick
-from hil.signals import LAYOUTS, PAYLOAD_BITS, PAYLOAD_START_BIT, Signal, layout_of, message
+from hil.wire.fields import (
+    LAYOUTS,
+    PAYLOAD_BITS,
+    PAYLOAD_START_BIT,
+    Signal,
+    layout_of,
+    message,
+)
+from hil.wire.messages import MachineCommand, PistonSample, PlantTick
 
 
 def declare(cls, can_id=0x7F0):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hil import snapshot
 from hil.errors import LogError
-from hil.values import Value
+from hil.values import Value, fields_of
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -73,6 +73,8 @@ def bits(value):
         return "nan" if math.isnan(value) else struct.pack("<d", value)
     if isinstance(value, tuple):
         return (type(value).__name__, *map(bits, value))
+    if isinstance(value, Value):
+        return (type(value).__name__, *(bits(getattr(value, f)) for f in fields_of(type(value))))
     return (type(value).__name__, value)
 
 

@@ -4,7 +4,8 @@ from itertools import product
 
 import pytest
 
-from controller.start_restart import RULES, Facts, Mode, Rule, next_mode
+from controller.mode.start_restart import RULES, Facts, Mode, Rule, next_mode
+from hil.values import fields_of, replace
 
 OFF, MOTORING, GENERATING, STOPPING, SAFE = Mode
 
@@ -46,7 +47,7 @@ def test_every_mode_can_be_reached_from_off():
 
 
 def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing_else():
-    names = Facts._fields
+    names = fields_of(Facts)
     for values in product((False, True), repeat=len(names)):
         facts = Facts(*values)
         mode, rule = next_mode(SAFE, facts)
@@ -64,4 +65,4 @@ def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing
 )
 def test_danger_comes_before_wishes(mode, danger):
     facts = Facts(start_requested=True, stop_requested=True, fired=True, misfired=True)
-    assert next_mode(mode, facts._replace(**danger))[0] is SAFE
+    assert next_mode(mode, replace(facts, **danger))[0] is SAFE

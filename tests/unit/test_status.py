@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from bench import status
-from bench.status import commands_of, gather, order, rows, set_points, show, watch
+from bench.live import status
+from bench.live.status import commands_of, gather, order, rows, set_points, show, watch
 from hil.config.load import build
 from hil.errors import ConfigError, LinkError
 

@@ -5,7 +5,7 @@ import pytest
 from controller import supervisory
 from controller.knowledge import operating_point
 from hil.config.controller import ControllerConfig, Preset, SupervisoryConfig
-from hil.prototypes import NU
+from hil.config.prototypes import NU
 
 
 def config(preset=None, **values):
@@ -41,7 +41,8 @@ def test_full_load_is_never_below_the_engines_nominal_one():
 def test_preset_is_met_exactly_at_the_start():
     preset = Preset(fuel_kg=2.474e-6, v_mid_m_s=1.7, stroke_s=0.028)
     point = supervisory.initial(config(preset), NU).point
-    assert point[:3] == pytest.approx((2.474e-6, 1.7, 0.028), rel=1e-12)
+    figures = (point.fuel_kg, point.v_mid_m_s, point.stroke_s)
+    assert figures == pytest.approx((2.474e-6, 1.7, 0.028), rel=1e-12)
 
 
 def test_preset_moves_as_the_closed_form_says():

@@ -5,13 +5,16 @@ import math
 import pytest
 
 import controller.step as control
-from bench.offline import simulate
-from bench.resolve import resolve
-from controller.estimate import Motion
-from controller.timing import NO_PLAN, PlannedPulse, plan_injection, plan_spark
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
+from controller.observe.estimate import Motion
+from controller.timing.injection import plan_injection
+from controller.timing.plan import Plan, PlannedPulse
+from controller.timing.spark import plan_spark
 from hil.config.controller import ControllerConfig, InjectorKnowledge
 from hil.config.load import build
-from hil.messages import SPARK_LEFT
+from hil.values import replace
+from hil.wire.messages import SPARK_LEFT
 
 MS = 1_000_000
 CONFIG = ControllerConfig()
@@ -70,7 +73,7 @@ def near_dead_centre(before_s, period_ns=MS):
     )
 
 
-FED = NO_PLAN._replace(injection=PlannedPulse(1, 0, 1000), fuel_kg=2e-6)
+FED = Plan(injection=PlannedPulse(1, 0, 1000), fuel_kg=2e-6)
 
 
 def test_spark_waits_until_the_dead_centre_can_be_foreseen():
@@ -98,7 +101,7 @@ def test_spark_that_should_be_out_by_now_is_sent_for_the_next_tick():
 @pytest.mark.parametrize("ahead_ns", [-MS, 0, MS])
 def test_spark_that_is_due_before_a_command_can_act_is_left_as_it_is(ahead_ns):
     motion = near_dead_centre(5e-3)
-    plan = FED._replace(spark=PlannedPulse(3, motion.t_ns + ahead_ns, 1000))
+    plan = replace(FED, spark=PlannedPulse(3, motion.t_ns + ahead_ns, 1000))
     assert plan_spark(CONFIG, plan, motion, motion.t_ns, MS, STROKE_S) is plan
 
 
@@ -129,6 +132,7 @@ CELLS = [
 ]
 
 
+@pytest.mark.interpreted("watches the controller's step from outside")
 @pytest.mark.parametrize(("model", "rate_hz"), CELLS)
 def test_spark_strikes_inside_its_window_before_every_dead_centre(monkeypatch, model, rate_hz):
     course, pulses = course_of(monkeypatch, model, rate_hz)
@@ -140,6 +144,7 @@ def test_spark_strikes_inside_its_window_before_every_dead_centre(monkeypatch, m
         assert any(0 < dc.t_ns - t_ns < WINDOW_NS for t_ns in openings)
 
 
+@pytest.mark.interpreted("watches the controller's step from outside")
 @pytest.mark.parametrize("noise_x_m", [1e-6, 1e-5])
 def test_spark_stays_inside_its_window_with_noisy_sensors(monkeypatch, noise_x_m):
     sensors = {"noise_x_m": noise_x_m, "noise_v_m_s": 1e-3}

@@ -6,7 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.zenoh_config import check_endpoint, check_endpoints, parse_endpoint, session_config
+from drivers.zenoh.config import (
+    check_endpoint,
+    check_endpoints,
+    parse_endpoint,
+    session_config,
+)
 from hil.config.process import TlsConfig, ZenohConfig
 from hil.errors import ConfigError
 

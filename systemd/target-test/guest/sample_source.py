@@ -14,8 +14,8 @@ import sys
 import time
 from pathlib import Path
 
-from hil.codec import Encoder, iter_frames
-from hil.messages import PistonSample, PlantTick
+from hil.wire.codec import Encoder, iter_frames
+from hil.wire.messages import PistonSample, PlantTick
 
 PERIOD_NS = 1_000_000
 LOOK_NS = 850_000

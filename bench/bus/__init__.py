@@ -1,0 +1,1 @@
+"""CAN buses: load, faults, monitor."""

@@ -1,0 +1,128 @@
+"""`hil engine`: the detailed engines by themselves, without controller or link."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+app = typer.Typer(
+    name="engine", help="The detailed engines: tables, studies, precision.", no_args_is_help=True
+)
+
+Over = Literal["throttle", "ignition", "load", "motor-force", "fuel"]
+EngineName = Annotated[str, typer.Option("--engine", help="Calibration, as nu-two-stroke.")]
+
+
+@app.command()
+def table() -> None:
+    """Print the thesis's figures beside ours; exit code 1 when one is out of its tolerance."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from bench.studies.engine.tables import all_rows
+
+    rows = all_rows()
+    shown = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("table", "figure", "thesis", "ours", "error", "allowed", ""):
+        shown.add_column(title, justify="left" if title in {"table", "figure"} else "right")
+    for row in rows:
+        form = "{:+.2f}" if row.absolute else "{:+.1%}"
+        allowed = f"{row.tolerance:g}" if row.absolute else f"{row.tolerance:.0%}"
+        if math.isinf(row.tolerance):
+            allowed = "reported"
+        ours, error = f"{row.ours:.4g}", form.format(row.error)
+        if math.isnan(row.ours):
+            ours, error = "stops", ""
+        verdict = "ok" if row.reached else "out"
+        shown.add_row(row.table, row.name, f"{row.thesis:g}", ours, error, allowed, verdict)
+    Console(highlight=False, markup=False).print(shown)
+    raise typer.Exit(0 if all(row.reached for row in rows) else 1)
+
+
+@app.command()
+def sweep(
+    over: Annotated[Over, typer.Option(help="What is varied.")],
+    *,
+    engine: EngineName = "nu-two-stroke",
+    out: Annotated[Path | None, typer.Option(help="Picture to write (.svg, .png).")] = None,
+) -> None:
+    """Repeat a parameter study of the thesis: its figures as a table, and as a picture."""
+    if over == "fuel":
+        _fuel(out)
+    elif engine == "bit-starting" and over == "motor-force":
+        _starting(out)
+    else:
+        _settled(over, engine, out)
+
+
+def _settled(over: Over, engine: str, out: Path | None) -> None:
+    from bench.studies.engine import plots
+    from bench.studies.engine import sweep as engine_sweep
+
+    points = engine_sweep.sweep(over, engine)
+    unit = engine_sweep.SWEEPS[over].unit
+    print(f"{over} [{unit}]  rpm  bar  CR  indicated W  electric W  friction W  motoring W  eff. %")
+    for point in points:
+        f = point.figures
+        if f is None:
+            print(f"{point.value:8g}  {point.reason}")
+            continue
+        print(
+            f"{point.value:8g}  {f.speed_rpm:7.1f}  {f.p_max_pa * 1e-5:6.2f}"
+            f"  {f.compression_ratio:6.3f}  {f.indicated_w:7.1f}  {f.electric_w:7.1f}"
+            f"  {f.friction_w:6.1f}  {f.motoring_w:6.1f}  {100.0 * f.efficiency:5.2f}"
+        )
+    if out is not None:
+        plots.draw(points, over, engine, out)
+
+
+def _starting(out: Path | None) -> None:
+    from bench.studies.engine import plots
+    from bench.studies.engine import sweep as engine_sweep
+
+    peaks = engine_sweep.starting_study()
+    print("motor force [N]  peak pressure of the right cylinder by cycle [bar]")
+    for force, bars in peaks.items():
+        print(f"{force:8g}  " + " ".join(f"{bar:5.1f}" for bar in bars))
+    if out is not None:
+        plots.draw_starting(peaks, out)
+
+
+def _fuel(out: Path | None) -> None:
+    from bench.studies.engine import plots
+    from bench.studies.engine import sweep as engine_sweep
+
+    rows = engine_sweep.fuel_study()
+    print("change of fuel  TDC [mm]  rpm   (fast model, heads disregarded)")
+    for change, tdc_m, speed in rows:
+        print(f"{change:+8.0%}  {tdc_m * 1e3:8.2f}  {speed:7.1f}")
+    if out is not None:
+        plots.draw_fuel(rows, out)
+
+
+@app.command()
+def precision(
+    *,
+    engine: EngineName = "nu-two-stroke",
+    out: Annotated[Path | None, typer.Option(help="Table to write (.csv).")] = None,
+) -> None:
+    """Measure work against precision: the fixed step beside scipy's LSODA and RK45."""
+    from bench.studies.engine.precision import measure
+
+    lines = ["method,step_s_or_rtol,times_real_time,tdc_error_um,peak_pressure_error_percent"]
+    lines += [
+        f"{p.method},{p.setting:g},{p.times_real_time:.2f},{p.tdc_error_m * 1e6:.4f},"
+        f"{p.peak_error * 100.0:.6f}"
+        for p in measure(engine)
+    ]
+    print("\n".join(lines))
+    if out is not None:
+        out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def register(root: typer.Typer) -> None:
+    """Put the commands under `hil engine`."""
+    root.add_typer(app)

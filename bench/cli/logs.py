@@ -1,0 +1,126 @@
+"""The commands of `hil` about logs; what is heavy is imported by the command that needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from bench.cli.options import Assignments
+
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
+Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
+Format = Literal["parquet", "csv", "mf4"]
+
+
+def replay(
+    log: LogArgument,
+    *,
+    start: Annotated[
+        float | None, typer.Option("--from", help="Begin at the snapshot before this time [s].")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--to", help="End at this time [s].")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="Scenario to use for a log that carries none.")
+    ] = None,
+) -> None:
+    """Feed a recorded run to plant or controller as they are today, and compare what they do.
+
+    Exit code 0: identical; 1: not; 2: a file that cannot be used.
+    """
+    from bench.logs import commands
+
+    raise typer.Exit(commands.replay(log, config, start, end))
+
+
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="A")],
+    second: Annotated[Path, typer.Argument(metavar="B")],
+    *,
+    timing: Annotated[bool, typer.Option("--timing", help="Compare when ticks ran, too.")] = False,
+) -> None:
+    """Compare two logs and explain where they part.
+
+    Exit code 0: the same; 1: not; 2: a file that cannot be used.
+    """
+    from bench.logs import commands
+
+    raise typer.Exit(commands.diff(first, second, timing=timing))
+
+
+def what_if(
+    directory: Annotated[Path, typer.Argument(metavar="RUN", help="Directory of a run.")],
+    *,
+    start: Annotated[str, typer.Option("--from", help="Instant, as in 1.05s or tick:1050.")],
+    assignments: Assignments = None,
+    duration: Annotated[float | None, typer.Option(help="End of the continued run [s].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Directory of logs and picture.")] = None,
+) -> None:
+    """Continue a run from its recorded state with other parameters, and draw both."""
+    from bench.logs import commands
+
+    raise typer.Exit(commands.what_if(directory, start, assignments or [], duration, out))
+
+
+def info(
+    log: LogArgument,
+    *,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Read everything and check every checksum.")
+    ] = False,
+) -> None:
+    """Tell all about a log: what it holds, of which run, and whether it is whole."""
+    from bench.logs import commands
+
+    raise typer.Exit(commands.info(log, verify=verify))
+
+
+def export(
+    log: LogArgument,
+    *,
+    to: Annotated[Format, typer.Option("--to", help="Kind of file.")] = "parquet",
+    out: Annotated[Path | None, typer.Option(help="Directory, or file for mf4.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="Only this topic; may be repeated.")
+    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="From this time on [s].")] = None,
+    end: Annotated[float | None, typer.Option("--until", help="Up to this time [s].")] = None,
+) -> None:
+    """Hand a log to pandas, MATLAB or an ASAM tool."""
+    from bench.logs import commands
+
+    raise typer.Exit(commands.export(log, to, out, topic or [], start, end))
+
+
+def repair(
+    log: LogArgument,
+    *,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="By default LOG with .repaired.mcap.")
+    ] = None,
+) -> None:
+    """Save what can be saved from a damaged log, and prove it by reading it back."""
+    from bench.logs import commands
+
+    raise typer.Exit(commands.repair(log, out))
+
+
+def golden(
+    *,
+    update: Annotated[bool, typer.Option("--update", help="Record the golden runs anew.")] = False,
+    directory: Annotated[Path, typer.Option(help="Where the golden runs are.")] = Path(
+        "tests/golden"
+    ),
+) -> None:
+    """Replay the golden runs; with --update record them anew and print what changed."""
+    from bench.dev import golden as runs
+
+    raise typer.Exit(runs.update(directory) if update else runs.check(directory))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to `hil`."""
+    for command in (replay, diff, info, export, repair, golden):
+        app.command()(command)
+    app.command("what-if")(what_if)

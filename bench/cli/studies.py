@@ -1,0 +1,69 @@
+"""`hil compare`, `hil tune`, `hil campaign`: arguments only; what is heavy is imported later."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bench.cli.options import Assignments
+
+
+def compare(
+    scenario: Annotated[str, typer.Argument(help="A scenario with one load step.")] = (
+        "load-decrease"
+    ),
+    *,
+    controllers: Annotated[
+        str | None,
+        typer.Option(help="Laws to compare, separated by commas; without it all that control."),
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run several laws on the same load steps, and draw them beside the physical bound."""
+    from bench.studies import compare_command as work
+
+    raise typer.Exit(work.run(scenario, controllers, model, out, assignments or []))
+
+
+def tune(
+    law: Annotated[str, typer.Argument(help="Law whose gains are looked for.")],
+    *,
+    search: Annotated[bool, typer.Option("--search", help="Look for better gains.")] = False,
+    generations: Annotated[int, typer.Option(min=1, max=1000, help="Of the search.")] = 20,
+    start: Annotated[
+        str | None, typer.Option("--from", help="Gains to start from, separated by commas.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Scenario file to write, gains and provenance in it.")
+    ] = None,
+) -> None:
+    """Judge the gains of a law over load steps and model errors, or look for better ones."""
+    from bench.studies import tune as work
+
+    raise typer.Exit(work.run(law, search=search, generations=generations, start=start, out=out))
+
+
+def campaign(
+    file: Annotated[str, typer.Argument(help="Campaign: a name or a path to a .toml file.")],
+    *,
+    out: Annotated[Path | None, typer.Option(help="Directory; an unfinished one goes on.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="A Dask cluster.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help="Local processes.")] = 2,
+    runs: Annotated[int | None, typer.Option(min=1, help="Fewer or more runs.")] = None,
+) -> None:
+    """Run thousands of seeded variations on all cores or a cluster; resumable."""
+    from bench.studies.campaign import command as work
+
+    raise typer.Exit(work.run(file, out, scheduler, workers, runs))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to `hil`."""
+    for command in (compare, tune, campaign):
+        app.command()(command)

@@ -1,0 +1,1 @@
+"""What developers need: golden runs, compiled loops, generated files."""

@@ -1,0 +1,51 @@
+"""Everything that follows from declarations and is checked in: each file with what makes its text.
+
+python -m bench.dev.generate            write them all
+python -m bench.dev.generate --check    fail when one has drifted from its declarations
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from bench.dev import dbc, messages_page, reference_page
+from hil import compiled
+
+OUTPUTS: Final[dict[str, Callable[[], str]]] = {
+    "hil/wire/fpeg.dbc": dbc.dbc_text,
+    "docs/messages.md": messages_page.page,
+    "docs/reference.md": reference_page.page,
+}
+"""Text by path from the root."""
+
+
+def drifted(outputs: Mapping[str, Callable[[], str]], root: Path) -> list[str]:
+    """Files whose text is not what follows from the declarations."""
+    return [
+        name
+        for name, text in outputs.items()
+        if not (root / name).exists() or (root / name).read_text(encoding="utf-8") != text()
+    ]
+
+
+def main() -> int:
+    """Write all files, or check them."""
+    parser = argparse.ArgumentParser(prog="python -m bench.dev.generate")
+    parser.add_argument("--check", action="store_true")
+    root = compiled.root()
+    if parser.parse_args().check:
+        found = drifted(OUTPUTS, root)
+        for name in found:
+            print(f"{name} has drifted: python -m bench.dev.generate writes it", file=sys.stderr)
+        return 1 if found else 0
+    for name, text in OUTPUTS.items():
+        (root / name).write_text(text(), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Functional Mock-up Units: ours to export, others to look at."""

@@ -1,0 +1,213 @@
+"""Figures of a run, from its two logs in numpy blocks; the memory needed is that of the strokes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.judge.electric import Electric, read_electric
+from bench.judge.events import Happenings, Instant, instants, read_happenings
+from bench.judge.punctuality import (
+    QUANTILES,
+    TickTiming,
+    age_quantile,
+    answered_share,
+    read_timing,
+)
+from bench.judge.response import BAND_MM, response, settled_after_s
+from bench.judge.strokes import (
+    Strokes,
+    Truth,
+    frequency_hz,
+    read_truth,
+    set_points,
+    whole_cycles,
+)
+from bench.run.directory import RunFiles
+from controller.build import initial_mode
+from controller.loop import LoopMemory
+from hil import log as logs
+from hil import snapshot
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
+from hil.log import Log
+
+_FINAL_STROKES = 10
+
+Figures = dict[str, Any]
+
+
+class RunData(NamedTuple):
+    """What is kept of a run's logs."""
+
+    scenario: Resolved
+    truth: Truth
+    timing: dict[str, TickTiming]
+    happenings: Happenings
+    instants: tuple[Instant, ...]
+    electric: Electric
+    mode: str
+
+    @property
+    def strokes(self) -> Strokes:
+        """Every dead centre of the run."""
+        strokes, fires = self.truth.strokes, self.scenario.controller.timing.fires
+        if all(fires) or not any(fires):
+            return strokes
+        return strokes.part(np.resize(np.array(fires), len(strokes.t_ns)))
+
+    def instant_ns(self, name: str | None) -> int | None:
+        """Return when a named event acted, 0 without a name, None when it did not act."""
+        if name is None:
+            return 0
+        return next((i.t_ns for i in self.instants if i.name == name), None)
+
+
+def read_run(scenario: Resolved, files: RunFiles) -> RunData:
+    """Read both logs once.
+
+    Raises: LogError when one of them cannot be read
+    """
+    with logs.open(files.plant_log) as plant, logs.open(files.controller_log) as controller:
+        both = {"plant": plant, "controller": controller}
+        happenings = read_happenings(both)
+        first_m = scenario.controller.tdc_ref_m or 0.0
+        truth = read_truth(plant, first_m, set_points(controller))
+        return RunData(
+            scenario,
+            truth,
+            {
+                "plant": read_timing(plant),
+                "controller": read_timing(controller, sample_driven=True),
+            },
+            happenings,
+            instants(scenario, happenings),
+            read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
+            _last_mode(scenario, happenings, controller),
+        )
+
+
+def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:
+    """Return the operating mode at the end, from the controller's reports of its changes."""
+    mode = initial_mode(scenario.controller)
+    if log.continues and (first := next(log.records("/snapshot"), None)) is not None:
+        mode = snapshot.loads(LoopMemory, first.state).state.mode
+    last = mode.name.lower()
+    for line in happenings.lines:
+        if line.source == "controller" and line.code.startswith("mode "):
+            last = line.code.removeprefix("mode ")
+    return last
+
+
+def figures(data: RunData, wall_s: float | None) -> Figures:
+    """Return all figures of a run, flat, units in the names; what has no value is None.
+
+    Parameters: wall_s : what the loop took, None when it is not known [s]
+    """
+    simulated_s = data.truth.ticks / data.scenario.loop.rate_hz
+    return {
+        **_motion(data),
+        **_after_main_event(data),
+        "electric_energy_j": data.electric.energy_j,
+        "electric_power_mean_w": data.electric.power_w,
+        "terminal_power_mean_w": data.electric.terminal_w,
+        "misfires": data.happenings.counts.get("misfire", 0),
+        "contacts": data.truth.contacts,
+        "last_speed_m_s": data.truth.last_speed_m_s,
+        "mode_final": data.mode,
+        "simulated_s": simulated_s,
+        "wall_s": wall_s,
+        "speed_sim_s_per_wall_s": _ratio(simulated_s, wall_s),
+        **_ticks(data),
+    }
+
+
+def _ratio(a: float, b: float | None) -> float | None:
+    return a / b if b else None
+
+
+def _motion(data: RunData) -> Figures:
+    """Figures of the strokes as such."""
+    strokes = data.strokes
+    count = len(strokes.t_ns)
+    tdc_mm = strokes.tdc_m * 1e3
+    fuel_mg = strokes.fuel_kg * 1e6
+    every, length = data.truth.strokes, len(data.scenario.controller.timing.fires)
+    return {
+        "strokes": len(every.t_ns),
+        "frequency_mean_hz": frequency_hz(whole_cycles(every, length)),
+        "frequency_final_hz": frequency_hz(whole_cycles(every, length, _FINAL_STROKES)),
+        "tdc_mean_mm": float(tdc_mm.mean()) if count else None,
+        "tdc_sigma_mm": float(tdc_mm.std(ddof=1)) if count > 1 else None,
+        "tdc_min_mm": float(tdc_mm.min()) if count else None,
+        "tdc_max_mm": float(tdc_mm.max()) if count else None,
+        "tdc_final_mm": float(tdc_mm[-1]) if count else None,
+        "tdc_error_final_mm": float(strokes.error_m[-1] * 1e3) if count else None,
+        "fuel_mean_mg": float(fuel_mg.mean()) if count else None,
+        "fuel_final_mg": float(fuel_mg[-1]) if count else None,
+        "fuel_total_mg": float(fuel_mg.sum()),
+    }
+
+
+def _after_main_event(data: RunData) -> Figures:
+    """Peak and settling after the event that matters, or of the whole run without one."""
+    instant = main_instant(data)
+    return after(data.strokes, 0 if instant is None else instant.t_ns or 0)
+
+
+def main_instant(data: RunData) -> Instant | None:
+    """Return the event that the run is about: the first that an expectation names, or the first."""
+    named = [e.event for e in data.scenario.expect.values() if e.event is not None]
+    acted = [i for i in data.instants if i.t_ns is not None]
+    chosen = [i for i in acted if i.name in named]
+    disturbing = [i for i in acted if not _is_operators(data.scenario, i.name)]
+    return next(iter(chosen or disturbing or acted), None)
+
+
+def _is_operators(scenario: Resolved, name: str) -> bool:
+    return isinstance(scenario.events[name], OperatorEvent)
+
+
+def after(strokes: Strokes, event_ns: int) -> Figures:
+    """Peak TDC error and settling time from an instant on."""
+    found = response(strokes, event_ns)
+    return {
+        "tdc_error_peak_mm": found.peak_mm if found.errors_mm else None,
+        "settling_s": settled_after_s(found),
+        "settling_band_mm": BAND_MM,
+    }
+
+
+def event_figures(data: RunData) -> list[Figures]:
+    """Return peak and settling after each event of the scenario."""
+    rows = []
+    for instant in data.instants:
+        row: Figures = {"name": instant.name, "kind": instant.kind, "t_s": None}
+        row["refused"] = instant.refused or None
+        if instant.t_ns is not None:
+            row["t_s"] = instant.t_ns * 1e-9
+            row |= after(data.strokes, instant.t_ns)
+        rows.append(row)
+    return rows
+
+
+def _ticks(data: RunData) -> Figures:
+    """Figures of the ticks; lateness has a meaning in real time only."""
+    found: Figures = {}
+    real_time = data.scenario.loop.clock == "realtime"
+    for name, timing in data.timing.items():
+        found[f"{name}_ticks"] = timing.ticks
+        found[f"{name}_missed_ticks"] = timing.missed
+        for label, histogram in (("late", timing.late), ("work", timing.work)):
+            for key, share in QUANTILES.items():
+                value = histogram.quantile_ns(share) if real_time else None
+                found[f"{name}_{label}_{key}_us"] = None if value is None else value * 1e-3
+            found[f"{name}_{label}_max_us"] = histogram.max_ns * 1e-3 if real_time else None
+    plant = data.timing["plant"]
+    used = plant.ages
+    found["answered_next_tick_share"] = answered_share(plant)
+    found["sample_age_p50_ticks"] = age_quantile(used, 0.5)
+    found["sample_age_p99_ticks"] = age_quantile(used, 0.99)
+    found["sample_age_max_ticks"] = int(np.flatnonzero(used)[-1]) if used.any() else None
+    return found

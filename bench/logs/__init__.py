@@ -1,0 +1,1 @@
+"""Logs compared, exported, repaired, replayed."""

@@ -1,0 +1,1 @@
+"""A recorded run through the loops of today."""

@@ -1,0 +1,93 @@
+"""Both loops behind one interface for a replay: take a turn, give back its records."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import controller.build
+import plant.build
+import plant.memory
+from bench.logs.replay.ports import Player, PlayerLink
+from bench.logs.replay.turns import Turn
+from controller.loop import ControllerLoop, LoopMemory
+from drivers.links import Connection
+from hil import snapshot
+from hil.config.resolved import Resolved
+from plant.loop import PlantLoop
+
+
+def _nothing() -> None:
+    """Close nothing."""
+
+
+class Replayed(Protocol):
+    """A loop that is being replayed."""
+
+    player: Player
+
+    @property
+    def next_tick(self) -> int:
+        """The tick that its next turn begins with; -1 when any will do."""
+
+    def turn(self, turn: Turn) -> bytes:
+        """Run one recorded turn; return the records that it puts today."""
+
+    def resume(self, state: str) -> None:
+        """Go on from a snapshot."""
+
+
+class ReplayedController:
+    """The controller's own loop on recorded batches."""
+
+    def __init__(self, scenario: Resolved) -> None:
+        patience_ns = controller.build.patience_ns(scenario)
+        self.player = player = Player(scenario.loop.period_ns, patience_ns)
+        connection = Connection(PlayerLink(player), player, player, _nothing)
+        self.loop: ControllerLoop = controller.build.make_loop(scenario, connection, player, player)
+
+    @property
+    def next_tick(self) -> int:
+        """The tick after the last; before the first the plant decides."""
+        return self.loop.tick + 1 if self.loop.tick >= 0 else -1
+
+    def turn(self, turn: Turn) -> bytes:
+        """Run one recorded turn; return the records that it puts today."""
+        self.player.load(turn)
+        self.loop.turn(turn.batches[0] if turn.batches else None)
+        return self.player.taken()
+
+    def resume(self, state: str) -> None:
+        """Go on from a snapshot."""
+        self.loop.recall(snapshot.loads(LoopMemory, state))
+
+
+class ReplayedPlant:
+    """The plant's own loop on recorded answers."""
+
+    def __init__(self, scenario: Resolved) -> None:
+        patience_ns = plant.build.patience_ns(scenario)
+        self.player = player = Player(scenario.loop.period_ns, patience_ns)
+        connection = Connection(PlayerLink(player), player, player, _nothing)
+        self.loop: PlantLoop = plant.build.make_loop(scenario, connection, player, player)
+
+    @property
+    def next_tick(self) -> int:
+        """The tick at whose start the engine stands."""
+        return self.loop.state.tick
+
+    def turn(self, turn: Turn) -> bytes:
+        """Run one recorded turn; return the records that it puts today."""
+        self.player.load(turn)
+        self.player.load_slot(turn)
+        self.loop.turn(turn.first_tick)
+        return self.player.taken()
+
+    def resume(self, state: str) -> None:
+        """Go on from a snapshot."""
+        self.loop.recall(snapshot.loads(plant.memory.LoopMemory, state))
+
+
+LOOPS: dict[str, type[ReplayedController | ReplayedPlant]] = {
+    "controller": ReplayedController,
+    "plant": ReplayedPlant,
+}

@@ -1,0 +1,123 @@
+"""Which parameters of a running engine may be changed, and how each change takes effect."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import plant.build
+from hil.config.check import check
+from hil.config.load import parse_assignment, with_override
+from hil.config.resolved import Resolved
+from hil.errors import ConfigError
+from plant.rig.params import PlantParams
+from plant.rig.state import PlantState
+
+_AS_COMMANDS = {
+    "controller.tdc_ref_m": ("set-point", "tdc_ref_m"),
+    "controller.supervisory.target_power_w": ("set-point", "target_power_w"),
+    "controller.name": ("law", "law"),
+}
+"""What an operator can change while the engine runs goes in as his command does."""
+
+_SETTLED = (
+    "controller.running", "controller.preset", "controller.supervisory", "plant.prototype",
+)  # fmt: skip
+_ACCEPTED = ("controller.", "plant.", "events.", "run.duration_s", "run.seed")
+
+
+class Changed(NamedTuple):
+    """The configuration to go on with; `told` is what the logs say of the changes."""
+
+    scenario: Resolved
+    plant_params: PlantParams
+    told: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def changed(
+    scenario: Resolved,
+    assignments: tuple[str, ...],
+    duration_s: float | None,
+    tick: int,
+    state: PlantState,
+) -> Changed:
+    """Apply the changes to the configuration of a run that has reached a tick.
+
+    Raises: ConfigError for a change that cannot take effect from there on
+    """
+    tree: dict[str, Any] = scenario.model_dump()
+    tree["loop"]["clock"], tree["link"]["kind"] = "lockstep", "memory"
+    told: dict[str, str] = {}
+    for text in assignments:
+        key, value = parse_assignment(text)
+        _check(key, scenario)
+        told[key] = str(value)
+        if key in _AS_COMMANDS:
+            _add_command(tree, key, value, tick * scenario.loop.period_ns * 1e-9)
+        else:
+            tree = with_override(tree, key, value)
+    if duration_s is not None:
+        tree = with_override(tree, "run.duration_s", duration_s)
+    new = check(Resolved, tree, "--set")
+    params = plant.build.make_params(new)
+    _check_events(plant.build.make_params(scenario), params, state)
+    if new.ticks <= tick:
+        ends = new.run.duration_s
+        raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
+    return Changed(new, params, told, _notes(told))
+
+
+def _check(key: str, scenario: Resolved) -> None:
+    """Refuse what acts at the beginning of a run only, or is no parameter of the engine.
+
+    Raises: ConfigError
+    """
+    if key in _AS_COMMANDS:
+        return
+    begins = next((k for k in _SETTLED if key == k or key.startswith(f"{k}.")), None)
+    if begins is not None:
+        commands = ", ".join(_AS_COMMANDS)
+        raise ConfigError(
+            f"--set {key}: acts at the start of a run only; while it runs these do: {commands}"
+        )
+    if not key.startswith(_ACCEPTED):
+        raise ConfigError(f"--set {key}: accepted in a what-if are {', '.join(_ACCEPTED)}")
+    if key.startswith("events."):
+        name = key.split(".")[1]
+        if name not in scenario.events:
+            known = ", ".join(scenario.events) or "none"
+            raise ConfigError(f"--set {key}: this run has no events.{name}; it has: {known}")
+
+
+def _add_command(tree: dict[str, Any], key: str, value: Any, at_s: float) -> None:  # noqa: ANN401
+    """Put a change in as the operator's command at the tick from which the run is continued."""
+    kind, field = _AS_COMMANDS[key]
+    name = f"what-if {key}"
+    tree["events"] = {**tree["events"], name: {"kind": kind, "at_s": at_s, field: value}}
+
+
+def _check_events(old: PlantParams, new: PlantParams, state: PlantState) -> None:
+    """A disturbance whose stroke has come cannot be changed any more.
+
+    Raises: ConfigError naming the event
+    """
+    taken = state.disturbances.next_edge
+    for before, after in zip(old.edges[:taken], new.edges[:taken], strict=True):
+        if before != after or old.events[before.event] != new.events[after.event]:
+            name = old.names[before.event]
+            raise ConfigError(
+                f"--set events.{name}: it has begun by then; accepted are events still to come"
+            )
+    for edge in new.edges[taken:]:
+        if edge.at_ns <= state.stroke.start_ns and state.moving:
+            raise ConfigError(
+                f"--set events.{new.names[edge.event]}: lies before the continuation, at "
+                f"{state.stroke.start_ns * 1e-9:.4f} s"
+            )
+
+
+def _notes(told: dict[str, str]) -> tuple[str, ...]:
+    plants = [key for key in told if key.startswith("plant.")]
+    if not plants:
+        return ()
+    return (f"{', '.join(plants)}: acts on the motion from the next dead centre on",)

@@ -1,0 +1,1 @@
+"""What this machine and this code can hold: latency, cost, endurance."""

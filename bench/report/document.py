@@ -1,0 +1,178 @@
+"""report.html: one file that needs nothing else, for people."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.judge.figures import RunData
+from bench.judge.summary import Summary
+from bench.judge.verdict import VERDICTS
+from bench.report import cylinders, plots_control, plots_motion
+from bench.report.page import STYLE, TILES, Tile, small_tile, table
+from bench.report.style import style, svg
+from bench.report.traces import Traces, read_traces
+from bench.run.directory import RunFiles
+from hil.errors import MissingExtraError
+
+_MAX_EVENTS = 300
+
+
+def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
+    """Draw and write the report of a run.
+
+    Raises: MissingExtraError when matplotlib is not installed
+    """
+    traces = read_traces(data, files)
+    try:
+        with style():
+            pictures = _pictures(data, traces)
+            engine = cylinders.section(data.scenario, files)
+    except ImportError as error:
+        if error.name is None or error.name.partition(".")[0] != "matplotlib":
+            raise
+        raise MissingExtraError("matplotlib", "desk", "the report") from None
+    files.report.write_text(_page(data, summary, pictures, engine), encoding="utf-8")
+
+
+def save_picture(data: RunData, files: RunFiles, path: Path) -> None:
+    """Write the overview alone as an SVG file, as the documentation shows it."""
+    with style():
+        text = svg(plots_motion.overview(data, read_traces(data, files)), transparent=False)
+    path.write_text(text, encoding="utf-8")
+
+
+def _pictures(data: RunData, traces: Traces) -> list[str]:
+    """Draw every picture that the run has something to show in, laid out in rows."""
+    error = plots_motion.tdc_error(data)
+    loops = plots_control.loops(data, traces)
+    rows: list[list[Any]] = [
+        [plots_motion.overview(data, traces)],
+        [error],
+        [plots_motion.phase(data, traces), plots_motion.fuel(data, traces)],
+        [loops],
+        [plots_motion.load(data, traces)],
+    ]
+    if traces.lateness:
+        over_time = plots_control.lateness_over_time(data, traces)
+        rows.append([plots_control.lateness_histogram(data), over_time])
+    drawn = [[svg(figure) for figure in row if figure is not None] for row in rows]
+    return [f'<div class="row">{_figures(row)}</div>' for row in drawn if row]
+
+
+def _figures(pictures: Iterable[str]) -> str:
+    return "".join(f"<figure>{picture}</figure>" for picture in pictures)
+
+
+def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str) -> str:
+    """Put the page together."""
+    name = html.escape(summary["scenario"])
+    run = summary["run"]
+    facts = [run["model"], run["prototype"].upper(), run["controller"], run["link"], run["clock"]]
+    facts += [f"{run['rate_hz']} Hz", f"{run['duration_s']:g} s", f"seed {run['seed']}"]
+    verdict = summary["verdict"]
+    badge = f'<span class="badge {verdict.replace(" ", "-")}">{VERDICTS[verdict]}</span>'
+    head = (
+        f"<header><div><h1>{name}</h1><p>{html.escape(summary['description'])}</p>"
+        f'<p class="facts">{html.escape(" · ".join(map(str, facts)))}</p></div>{badge}</header>'
+    )
+    body = [
+        head,
+        _fault(summary),
+        _tiles(summary),
+        _expectations(summary),
+        '<section class="pictures">',
+        *pictures,
+        "</section>",
+        engine,
+        _events(data),
+        _all_figures(summary),
+        _configuration(data, summary),
+    ]
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{name}</title><style>{STYLE}</style></head>"
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+
+
+def _fault(summary: Summary) -> str:
+    if summary["verdict"] not in {"fault", "blocked"}:
+        return ""
+    return f'<p class="fault">{html.escape(summary["exit_reason"])}</p>'
+
+
+def _tiles(summary: Summary) -> str:
+    """The figures that one looks for first."""
+    cells = []
+    for tile in TILES:
+        text = _tile(tile, summary)
+        if text:
+            cells.append(text)
+    return f'<section class="tiles">{"".join(cells)}</section>'
+
+
+def _tile(tile: Tile, summary: Summary) -> str:
+    figures = summary["figures"]
+    value = figures.get(tile.key)
+    if value is None:
+        return ""
+    shown = tile.format.format(value * tile.factor)
+    extra = figures.get(tile.extra_key) if tile.extra_key else None
+    more = "" if extra is None else tile.extra.format(extra)
+    return small_tile(tile.title, shown, tile.unit, more)
+
+
+def _expectations(summary: Summary) -> str:
+    checks = summary["expectations"]
+    if not checks:
+        return ""
+    items = "".join(
+        f'<li class="{"yes" if check["met"] else "no"}"><b>{html.escape(check["name"])}</b> '
+        f"{html.escape(check['text'])}</li>"
+        for check in checks
+    )
+    return f'<section class="checks"><ul>{items}</ul></section>'
+
+
+def _events(data: RunData) -> str:
+    lines = data.happenings.lines
+    rows = [
+        (f"{line.t_ns * 1e-9:.6f}", line.source, line.severity, line.code, line.text)
+        for line in lines[:_MAX_EVENTS]
+    ]
+    left_out = data.happenings.left_out + max(len(lines) - _MAX_EVENTS, 0)
+    title = "Events" if not left_out else f"Events (the first ones; {left_out} more in the logs)"
+    if not rows:
+        return "<section><h2>Events</h2><p>None were logged.</p></section>"
+    return table(title, ("t [s]", "process", "severity", "code", "what"), rows, "events")
+
+
+def _all_figures(summary: Summary) -> str:
+    rows = [(key, _number(value)) for key, value in summary["figures"].items()]
+    every = table("Every figure", ("key in summary.json", "value"), rows, "figures")
+    return f"<details><summary>Every figure</summary>{every}</details>"
+
+
+def _number(value: Any) -> str:  # noqa: ANN401
+    if value is None:
+        return "–"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _configuration(data: RunData, summary: Summary) -> str:
+    """The whole configuration, how the processes ran, and the versions."""
+    parts = {
+        "Configuration": data.scenario.model_dump(mode="json", exclude_none=True),
+        "Processes": summary["run"].get("processes", {}),
+        "Versions": summary["versions"],
+    }
+    return "".join(
+        f"<details><summary>{title}</summary>"
+        f"<pre>{html.escape(json.dumps(content, indent=2, ensure_ascii=False))}</pre></details>"
+        for title, content in parts.items()
+    )

@@ -1,0 +1,1 @@
+"""One run: resolved, started, watched, concluded."""

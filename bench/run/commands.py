@@ -1,0 +1,175 @@
+"""What the commands of `hil` do; bench/cli/__init__.py only reads their arguments."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from bench.bus import can_log, commands
+from bench.judge import summary
+from bench.judge.figures import RunData, read_run
+from bench.report.quantities import size_of
+from bench.run import conclusion, scenarios
+from bench.run import directory as outdir
+from bench.run.directory import RunFiles
+from bench.run.execution import INTERRUPTED, Ended, execute, resolved
+from bench.run.progress import view_for
+from bench.run.resolve import resolve
+from hil.config.load import parse_assignment, read_scenario
+from hil.config.resolved import Resolved, read_resolved
+from hil.errors import ConfigError, LogError, MissingExtraError, RunError
+
+
+class RunOptions(NamedTuple):
+    """The options of `hil run`."""
+
+    out: Path | None
+    report: bool
+    force: bool
+    can_log: Path | None = None
+
+
+def overrides(flags: dict[str, Any], assignments: list[str]) -> list[tuple[str, Any]]:
+    """Return the overrides of a run: the flags that were given, then --set in its order."""
+    given = [(key, value) for key, value in flags.items() if value is not None]
+    return given + [parse_assignment(text) for text in assignments]
+
+
+def log_flags(segment: str | None, retain: str | None) -> dict[str, Any]:
+    """Return what --log-segment and --log-retain set.
+
+    Raises: ConfigError naming what is accepted
+    """
+    flags: dict[str, Any] = {}
+    if segment is not None:
+        seconds = re.fullmatch(r"([0-9.]+)\s*s", segment)
+        if seconds:
+            flags["log.segment_s"] = float(seconds[1])
+        else:
+            flags["log.segment_bytes"] = size_of(segment, "--log-segment")
+    if retain is not None:
+        flags["log.retain_bytes"] = size_of(retain, "--log-retain")
+    return flags
+
+
+def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
+    """Run a scenario and tell how it went; returns the exit code.
+
+    Raises: HilError with the line that the user is told
+    """
+    if options.report and find_spec("matplotlib") is None:
+        raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
+    if options.can_log is not None:
+        can_log.check_name(options.can_log)
+    console = Console(highlight=False)
+    with resolved(scenarios.read(name, changes)) as scenario:
+        files = outdir.prepare(scenario.name, options.out, force=options.force)
+        with view_for(scenario, console) as view:
+            ended = execute(scenario, files, view)
+    if isinstance(ended.error, ConfigError):
+        raise ended.error
+    told = _conclude(scenario, ended, files, report=options.report)
+    if options.can_log is not None and files.plant_log.exists():
+        commands.write_can_log(options.can_log, scenario, files, ended.started)
+    if told["verdict"] == "fault":
+        print(told["exit_reason"], file=sys.stderr)
+    else:
+        conclusion.show(console, told, files.report if options.report else None, files.directory)
+        if "bus" in told["run"]:
+            console.print(commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
+    return int(told["exit_code"])
+
+
+def _conclude(
+    scenario: Resolved, ended: Ended, files: RunFiles, *, report: bool
+) -> summary.Summary:
+    """Judge the logs, write summary and report; a fault leaves as much of both as there is."""
+    facts: dict[str, Any] = {
+        "started": ended.started,
+        "wall_total_s": ended.wall_s,
+        "directory": str(files.directory),
+        "processes": ended.processes,
+    }
+    if ended.error is not None:
+        facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
+    try:
+        data = read_run(scenario, files)
+    except LogError as error:
+        facts = {"error": str(error), "exit_code": RunError.exit_code} | facts
+        told = summary.summarise_fault(scenario, facts)
+        summary.write(told, files.summary)
+        return told
+    if ended.error is None:
+        facts |= _cut_short(data)
+    if scenario.link.kind == "can":
+        facts["bus"] = commands.figures(scenario, files)
+    told = summary.summarise(data, facts)
+    summary.write(told, files.summary)
+    if report and ended.exit_code != INTERRUPTED and len(data.strokes.t_ns):
+        _write_report(data, told, files)
+    return told
+
+
+def _cut_short(data: RunData) -> dict[str, Any]:
+    """A run that was ended from outside is no run that met its expectations."""
+    wanted = round(data.scenario.run.duration_s * data.scenario.loop.rate_hz)
+    ticks = data.truth.ticks
+    if data.scenario.log.retain_bytes is not None:  # earlier ticks may be gone, and on purpose
+        ticks = round(data.truth.end_ns * 1e-9 * data.scenario.loop.rate_hz) + 1
+    if ticks >= wanted:
+        return {}
+    line = f"the plant's log ends after {ticks} of {wanted} ticks"
+    return {"error": line, "exit_code": RunError.exit_code}
+
+
+def _write_report(data: RunData, told: summary.Summary, files: RunFiles) -> None:
+    from bench.report.document import write_report
+
+    write_report(data, told, files)
+
+
+def report(directory: Path, picture: Path | None) -> int:
+    """Judge and draw a finished run again, from its logs."""
+    files = outdir.opened(directory)
+    data = read_run(read_resolved(files.scenario), files)
+    told = summary.summarise(data, summary.read_run_facts(files))
+    summary.write(told, files.summary)
+    _write_report(data, told, files)
+    if picture is not None:
+        from bench.report.document import save_picture
+
+        save_picture(data, files, picture)
+    conclusion.show(Console(highlight=False), told, files.report, files.directory)
+    return 0
+
+
+def list_scenarios() -> int:
+    """Print a table of what can be run."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("scenario", "shows", "takes", "events"):
+        table.add_column(title, no_wrap=title in {"scenario", "takes"})
+    for path in scenarios.packaged():
+        scenario = scenarios.read(path.stem)
+        duration = f"{scenario.run.duration_s:g} s"
+        table.add_row(scenario.name, scenario.description, duration, ", ".join(scenario.events))
+    Console(highlight=False).print(table)
+    return 0
+
+
+def process(side: str, config: Path, log: Path | None) -> int:
+    """Run one process, with what its configuration leaves open filled in."""
+    scenario = resolve(read_scenario(config))
+    if side == "plant":
+        from plant.main import run as run_plant
+
+        return run_plant(scenario, log)
+    from controller.main import run as run_controller
+
+    return run_controller(scenario, log)

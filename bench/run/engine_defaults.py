@@ -1,0 +1,139 @@
+"""What a run with a detailed engine is filled in with: its calibration's own operating point."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hil.config.detailed import Calibration
+from hil.config.plant import DETAILED_MODELS
+from hil.config.prototypes import PROTOTYPES, engine_with
+from hil.config.scenario import Scenario
+from hil.errors import ConfigError
+
+_FIRES = {
+    ("two-stroke", "left"): (False, True),
+    ("four-stroke", "both"): (True, False, False, True),
+    ("four-stroke", "left"): (False, False, False, True),
+    ("speed", "both"): (False,),
+}
+"""Of strokes counted from the left cylinder's power stroke, with which a run begins."""
+
+_SLOPE_STEP = 0.005
+_LOW_BEFORE_SPARK_S = 0.2e-3
+
+_FOUR_STROKE_LEAD_TICKS = 2
+"""From mid-stroke to spark it is 5 ms in a power stroke, and injection takes 1.4 ms of them."""
+
+_SPARK_AHEAD_S = 2.5e-3
+"""Planned earlier, the spark would keep the error of a prediction from far away."""
+
+
+def is_detailed(scenario: Scenario) -> bool:
+    """Tell whether the plant is one of the compiled engines."""
+    return scenario.plant.model in DETAILED_MODELS
+
+
+def prototype_of(scenario: Scenario) -> str:
+    """Return the engine: unless it is named, one that has such a model."""
+    plant = scenario.plant
+    named = "prototype" in plant.model_fields_set
+    return plant.prototype if named else engine_with(plant.model)
+
+
+def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
+    """Give prototype, injector, loads, set point, spark and preset, each unless it is given.
+
+    Raises: ConfigError when the engine cannot run on what is given
+    """
+    plant = scenario.plant.model_copy(update={"prototype": tree["plant"]["prototype"]})
+    from plant.engines.detailed.settle import calibration_of
+
+    c = calibration_of(plant)
+    load = c.machine.load_coefficient_n_s_m
+    if plant.load_coefficient_n_s_m is not None:
+        load = plant.load_coefficient_n_s_m
+    tree["plant"]["load_coefficient_n_s_m"] = load
+    _fill_injectors(scenario, tree, c.heat.injector_kg_s)
+    control = tree["controller"]
+    _give(control["supervisory"], "load_coefficient_n_s_m", load)
+    _give(control["limits"], "tdc_m", PROTOTYPES[plant.prototype].position_limit_m)
+    _give(control["open_loop"], "fuel_kg", c.heat.energy_j / c.heat.heating_value_j_kg)
+    if "force_n" not in scenario.controller.start.model_fields_set:
+        control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}
+    fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
+    if fires is not None:
+        _fill_unfired(scenario, control, fires, c)
+    spark_before_s = _fill_preset(c, control)
+    if c.cycle.kind == "speed":
+        return
+    spark_m = c.left.length_m - c.cycle.ignition_from_head_m
+    _fill_timing(scenario, control["timing"], spark_before_s, spark_m)
+
+
+def _fill_preset(c: Calibration, control: dict[str, Any]) -> float:
+    """Give the settled motion that the run begins with; returns how long the spark precedes it."""
+    from plant.engines.detailed.settle import settle
+
+    load = control["supervisory"]["load_coefficient_n_s_m"]
+    preset = control["preset"]
+    open_loop = control["name"] == "open-loop"
+    nominal = c.heat.energy_j / c.heat.heating_value_j_kg
+    _give(preset, "fuel_kg", control["open_loop"]["fuel_kg"] if open_loop else nominal)
+    here = settle(c, preset["fuel_kg"], load)
+    _give(preset, "v_mid_m_s", here.v_mid_m_s)
+    _give(preset, "stroke_s", here.stroke_s)
+    _give(control, "tdc_ref_m", here.tdc_m)
+    if preset["fuel_per_speed_kg_s_m"] is None and c.cycle.kind != "speed":
+        more = settle(c, preset["fuel_kg"] * (1.0 + _SLOPE_STEP), load)
+        slope = _SLOPE_STEP * preset["fuel_kg"] / (more.v_mid_m_s - here.v_mid_m_s)
+        preset["fuel_per_speed_kg_s_m"] = slope
+    return here.spark_before_s
+
+
+def _give(tree: dict[str, Any], key: str, value: float) -> None:
+    if tree[key] is None:
+        tree[key] = value
+
+
+def _fill_unfired(
+    scenario: Scenario, control: dict[str, Any], fires: tuple[bool, ...], c: Calibration
+) -> None:
+    """Fire some of the strokes, on fixed fuel: the laws know nothing of a stroke without charge.
+
+    Raises: ConfigError
+    """
+    model = f"model {scenario.plant.model} with engine {c.name}"
+    if "name" in scenario.controller.model_fields_set and control["name"] != "open-loop":
+        raise ConfigError(
+            f"{scenario.name}: controller.name {control['name']}: {model} is run by open-loop alone"
+        )
+    if scenario.begins != "settled":
+        raise ConfigError(f"{scenario.name}: begins: {model} begins settled alone")
+    control["name"] = "open-loop"
+    wanted: dict[str, Any] = {"fires": fires, "spark_ahead_s": _SPARK_AHEAD_S}
+    if c.cycle.kind == "four-stroke":
+        wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
+    given = scenario.controller.timing.model_fields_set
+    control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
+
+
+def _fill_injectors(scenario: Scenario, tree: dict[str, Any], flow_kg_s: float) -> None:
+    """Fit injectors that let a whole charge through between mid-stroke and spark."""
+    if "static_flow_kg_s" not in scenario.plant.injector.model_fields_set:
+        tree["plant"]["injector"]["static_flow_kg_s"] = flow_kg_s
+    if "static_flow_kg_s" not in scenario.controller.injector.model_fields_set:
+        tree["controller"]["injector"]["static_flow_kg_s"] = flow_kg_s
+
+
+def _fill_timing(
+    scenario: Scenario, tree: dict[str, Any], spark_before_s: float, spark_m: float
+) -> None:
+    """Place the spark where the settled engine has it, and end the injection before it."""
+    given = scenario.controller.timing.model_fields_set
+    if "spark_advance_s" not in given:
+        tree["spark_advance_s"] = spark_before_s
+        if "spark_position_m" not in given:
+            tree["spark_position_m"] = spark_m
+    for key in ("injection_margin_s", "trim_margin_s"):
+        if key not in given:
+            tree[key] = tree["spark_advance_s"] + _LOW_BEFORE_SPARK_S

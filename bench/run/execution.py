@@ -1,0 +1,116 @@
+"""One run: resolve, start both processes, watch them, collect the logs, judge."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import uvloop
+
+from bench.live.feed import watch_status
+from bench.run.directory import RunFiles
+from bench.run.failure import error_of
+from bench.run.processes import Child, supervise
+from bench.run.progress import View
+from bench.run.resolve import resolve
+from drivers.recorder.client import wait_finished
+from hil.config.resolved import Resolved
+from hil.config.scenario import Scenario
+from hil.errors import ConfigError, HilError
+
+INTERRUPTED = 130
+_LOG_TIMEOUT_S = 30.0
+_MAX_SOCKET_PATH = 107  # sun_path of a unix socket, without its closing zero
+
+
+class Ended(NamedTuple):
+    """How the processes of a run ended; `error` is None when all did as they should."""
+
+    processes: dict[str, dict[str, Any]]
+    wall_s: float
+    started: str
+    error: HilError | None = None
+    exit_code: int = 0
+
+
+@contextlib.contextmanager
+def resolved(scenario: Scenario) -> Iterator[Resolved]:
+    """Yield the scenario resolved for one run, whose processes meet on sockets of their own.
+
+    Raises: ConfigError when it cannot be run as it is
+    """
+    with _socket_directory() as sockets:
+        yield resolve(scenario, sockets)
+
+
+def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
+    """Run a scenario and tell how its processes ended."""
+    files.scenario.write_text(scenario.model_dump_json(indent=1), encoding="utf-8")
+    return uvloop.run(_run(scenario, files, view))
+
+
+@contextlib.contextmanager
+def _socket_directory() -> Iterator[Path]:
+    """Yield a private directory whose sockets have paths that the kernel accepts."""
+    directory = Path(tempfile.mkdtemp(prefix="hil-"))
+    try:
+        if len(str(directory / "controller.sock")) > _MAX_SOCKET_PATH:
+            raise ConfigError(f"TMPDIR {tempfile.gettempdir()}: too long for a unix socket")
+        yield directory
+    finally:
+        shutil.rmtree(directory, ignore_errors=True)
+
+
+async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
+    """Start the processes, watch them to their end, and wait for their logs."""
+    interrupt = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, interrupt.set)
+    started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    start_s = time.monotonic()
+    async with watch_status(scenario, view.update):
+        children = await _start(scenario, files, view)
+        end = await supervise(children, interrupt)
+    wall_s = time.monotonic() - start_s
+    await _collect(children, files)
+    processes = {child.name: _facts(child) for child in children}
+    error = error_of(end, children, files)
+    code = INTERRUPTED if end.interrupted else error.exit_code if error else 0
+    return Ended(processes, wall_s, started, error, code)
+
+
+async def _start(scenario: Resolved, files: RunFiles, view: View) -> list[Child]:
+    """Start both processes, or the one that holds both when the link is memory."""
+    config = ["--config", str(files.scenario)]
+    plant, controller = str(files.plant_log), str(files.controller_log)
+    if scenario.link.kind == "memory":
+        logs = ["--plant-log", plant, "--controller-log", controller]
+        return [await Child.start("loop", "bench.run.single_process", config + logs, view.update)]
+    logs_of = {"plant": plant, "controller": controller}
+    return [
+        await Child.start(name, f"{name}.main", [*config, "--log", log], view.update)
+        for name, log in logs_of.items()
+    ]
+
+
+async def _collect(children: list[Child], files: RunFiles) -> None:
+    """Wait for the recorders, which outlive their processes, and keep what was said."""
+    for log in (files.plant_log, files.controller_log):
+        if log.exists():
+            await asyncio.to_thread(wait_finished, log, _LOG_TIMEOUT_S)
+    for child in children:
+        await child.drain(_LOG_TIMEOUT_S)
+        if child.errors:
+            files.errors_of(child.name).write_text(child.errors, encoding="utf-8")
+
+
+def _facts(child: Child) -> dict[str, Any]:
+    return {"pid": child.pid, "exit_code": child.exit_code, **child.result}

@@ -1,0 +1,149 @@
+"""Filling in what a scenario leaves open, so that its record alone says what was run."""
+
+from __future__ import annotations
+
+from functools import lru_cache, reduce
+from pathlib import Path
+from typing import Any
+
+from bench.run import engine_defaults, fmu_defaults
+from controller.motion.choice import check_names
+from controller.supervisory import target_load
+from hil.config.check import check
+from hil.config.prototypes import PROTOTYPES, Prototype
+from hil.config.resolved import Resolved
+from hil.config.scenario import Scenario
+from hil.errors import ConfigError
+from plant.engines.fast.constants import Constants, constants_of
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
+
+_SLOPE_STEP = 0.01
+
+_OF_THE_ENGINE = {
+    "plant": {"contact_restitution": "contact_restitution"},
+    "plant.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.start": {"force_n": "start_force_n"},
+    "controller.limits": {"fuel_min_kg": "fuel_min_kg", "fuel_max_kg": "fuel_max_kg"},
+}
+"""By section and key which figure of the engine a run has unless it is given."""
+
+# The non-linear model is integrated for every fuel that is tried.
+_fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
+
+
+def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
+    """Return the scenario with set point, loads, limits, preset and endpoints all given.
+
+    Parameters: sockets : directory for the Zenoh sockets of this run, with a short path; None
+        leaves the endpoints as they are
+    Raises: ConfigError when the run cannot begin settled as it was asked to
+    """
+    if fmu_defaults.is_unit(scenario):
+        return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
+    check_names(scenario)
+    if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
+        raise ConfigError(
+            f"{scenario.name}: controller machine: the closed-form model takes its load at the dead"
+            " centres only; accepted there are the other controllers"
+        )
+    tree = scenario.model_dump()
+    tree["plant"]["prototype"] = engine_defaults.prototype_of(scenario)
+    _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
+    if engine_defaults.is_detailed(scenario):
+        engine_defaults.fill(scenario, tree)
+    else:
+        prototype = scenario.plant.resolved_prototype()
+        tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
+        _fill_controller(scenario, prototype, tree["controller"])
+    if sockets is not None:
+        _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
+    return check(Resolved, tree, scenario.name)
+
+
+def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Give the engine's own figures, each unless the scenario has it."""
+    for path, figures in _OF_THE_ENGINE.items():
+        keys = path.split(".")
+        given: Any = reduce(getattr, keys, scenario)
+        section = reduce(dict.__getitem__, keys, tree)
+        for key in figures.keys() - given.model_fields_set:
+            section[key] = getattr(prototype, figures[key])
+
+
+def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Give set point, limit, loads and preset, each unless the scenario has it."""
+    given = scenario.controller
+    tdc_m = given.tdc_ref_m if given.tdc_ref_m is not None else prototype.tdc_ref_m
+    tree["tdc_ref_m"] = tdc_m
+    supervisory = given.supervisory
+    if supervisory.load_coefficient_n_s_m is None:
+        tree["supervisory"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
+    if given.limits.tdc_m is None:
+        tree["limits"]["tdc_m"] = prototype.position_limit_m
+    if "fuel_max_kg" not in given.limits.model_fields_set:
+        tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
+    engine = constants_of(prototype, scenario.plant.model)
+    load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
+    if given.open_loop.fuel_kg is None:
+        tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
+    _fill_preset(scenario, tree, engine, load)
+
+
+def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:
+    """Give the settled motion that the run begins with, or that the laws work about."""
+    preset = tree["preset"]
+    fuel_kg = preset["fuel_kg"]
+    if fuel_kg is None and tree["name"] == "open-loop":
+        fuel_kg = _settling_fuel(engine, tree["open_loop"]["fuel_kg"], load)
+    if fuel_kg is None:
+        fuel_kg = _fuel_for_tdc(engine, tree["tdc_ref_m"], load)
+    preset["fuel_kg"] = fuel_kg
+    if None not in preset.values():
+        return
+    settled = _settled(scenario, engine, fuel_kg, load)
+    if preset["v_mid_m_s"] is None:
+        preset["v_mid_m_s"] = settled.v_mid_m_s
+    if preset["stroke_s"] is None:
+        preset["stroke_s"] = 0.5 / settled.frequency_hz
+    if preset["fuel_per_speed_kg_s_m"] is None:
+        preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
+
+
+def _settling_fuel(engine: Constants, fuel_kg: float, load: float) -> float | None:
+    """Return the fuel if the engine settles on it inside its stroke, else None.
+
+    An open-loop run on any other fuel begins at the set point and goes where that fuel takes it.
+    """
+    try:
+        inside = limit_cycle(engine, fuel_kg, load).tdc_m < engine.contact_m
+    except ConfigError:
+        return None
+    return fuel_kg if inside else None
+
+
+def _fuel_per_speed(engine: Constants, fuel_kg: float, load: float) -> float:
+    """Return the slope of the settled fuel over the settled mid-stroke speed [kg s/m]."""
+    step_kg = _SLOPE_STEP * fuel_kg
+    faster = limit_cycle(engine, fuel_kg + step_kg, load).v_mid_m_s
+    slower = limit_cycle(engine, fuel_kg - step_kg, load).v_mid_m_s
+    return 2.0 * step_kg / (faster - slower)
+
+
+def _settled(scenario: Scenario, engine: Constants, fuel_kg: float, load: float) -> LimitCycle:
+    """Return the settled motion on that fuel; a run that begins in it must not strike a head."""
+    cycle = limit_cycle(engine, fuel_kg, load)
+    if scenario.begins == "settled" and cycle.tdc_m >= engine.contact_m:
+        raise ConfigError(
+            f"{scenario.name}: cannot begin settled: {fuel_kg * 1e6:.4g} mg at {load:g} N s/m "
+            f"reach {cycle.tdc_m * 1e3:.2f} mm, the head is at {engine.contact_m * 1e3:g} mm"
+        )
+    return cycle
+
+
+def _fill_endpoints(scenario: Scenario, sockets: Path, tree: dict[str, Any]) -> None:
+    """Let the processes of this run meet on sockets of their own, unless endpoints are given."""
+    given = scenario.link.zenoh.model_fields_set
+    for side in ("plant", "controller"):
+        if f"{side}_endpoint" not in given:
+            tree[f"{side}_endpoint"] = f"unixsock-stream/{sockets / f'{side}.sock'}"

@@ -1,0 +1,1 @@
+"""Many runs and models side by side: bounds, gains, comparisons, campaigns."""

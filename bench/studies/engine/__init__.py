@@ -1,0 +1,1 @@
+"""The detailed engines by themselves: tables, sweeps, precision."""

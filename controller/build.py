@@ -1,0 +1,123 @@
+"""From a resolved scenario and given ports to the controller's parameters, state and loop."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from controller import supervisory
+from controller.commands import OperatorCommand
+from controller.loop import ControllerLoop
+from controller.mode.operation import Bounds, Operation
+from controller.mode.start_restart import Mode
+from controller.motion.calibration import calibrate
+from controller.motion.choice import check, check_names
+from controller.motion.fuelling import Fuelling
+from controller.motion.law import NO_DEMAND
+from controller.motion.laws import LAWS
+from controller.observe.estimate import Motion
+from controller.state import Params, State
+from controller.timing.plan import NO_PLAN
+from hil.config.controller import ControllerConfig
+from hil.config.prototypes import PROTOTYPES
+from hil.config.resolved import Resolved
+from hil.config.scenario import OperatorEvent
+from hil.pacing import LockstepPacer, Pacer, RealTimePacer
+from hil.ports import Clock, Ports, Recorder
+from hil.values import NEVER
+
+SAMPLE_PATIENCE_PERIODS: Final = 1.5
+"""How long a sample may be late before its tick is stepped without it."""
+
+
+def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Params:
+    """Resolve a configuration for a prototype and a tick.
+
+    Raises: ConfigError when there is no such law, or it cannot work with the configuration
+    """
+    engine, limits = PROTOTYPES[prototype], config.limits
+    start = supervisory.initial(config, engine)
+    stroke_map = calibrate(engine, start.tdc_ref_m, start.load_n_s_m, start.point)
+    check(config.name, stroke_map)
+    bounds = Bounds(
+        limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
+        stale_ticks=limits.stale_ticks,
+        misfires=limits.misfires,
+        motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
+    )
+    full_load = supervisory.full_load(config, engine)
+    return Params(config, engine, period_ns, bounds, full_load, stroke_map)
+
+
+def initial_mode(config: ControllerConfig) -> Mode:
+    """The mode in which a run begins; an engine of which no stroke fires is motored throughout."""
+    if not config.running:
+        return Mode.OFF
+    return Mode.GENERATING if any(config.timing.fires) else Mode.MOTORING
+
+
+def initial_state(params: Params) -> State:
+    """The state before the first tick: running in the steady state, or off."""
+    config = params.config
+    set_points = supervisory.initial(config, params.engine)
+    steady_kg = set_points.point.fuel_kg
+    return State(
+        motion=Motion(tdc_m=set_points.tdc_ref_m),
+        stale=0,
+        operation=Operation(initial_mode(config), fired_strokes=config.start.open_strokes),
+        set_points=set_points,
+        fuelling=Fuelling(
+            config.name, LAWS[config.name].initial, NO_DEMAND, (steady_kg, steady_kg)
+        ),
+        plan=NO_PLAN,
+        pulses=(),
+    )
+
+
+def patience_ns(scenario: Resolved) -> int:
+    """How long a turn waits for its sample [ns]."""
+    if scenario.loop.clock == "realtime":
+        return round(SAMPLE_PATIENCE_PERIODS * scenario.loop.period_ns)
+    return round(scenario.loop.peer_timeout_s * 1e9)
+
+
+def make_pacer(scenario: Resolved, clock: Clock | None = None) -> Pacer:
+    """The plant paces: in real time patience is 1.5 periods, in lockstep the peer time-out."""
+    period_ns = scenario.loop.period_ns
+    if scenario.loop.clock == "realtime":
+        assert clock is not None, "real time needs a clock"
+        return RealTimePacer(clock, period_ns, patience_ns(scenario))
+    return LockstepPacer(period_ns, patience_ns(scenario))
+
+
+def schedule_of(scenario: Resolved) -> dict[int, OperatorCommand]:
+    """The scenario's own operator commands by tick.
+
+    Two in one tick follow each other in the next free one.
+    """
+    schedule: dict[int, OperatorCommand] = {}
+    for event in scenario.events.values():
+        if isinstance(event, OperatorEvent):
+            tick = round(event.at_s * scenario.loop.rate_hz)
+            while tick in schedule:
+                tick += 1
+            schedule[tick] = OperatorCommand(
+                event.kind, event.tdc_ref_m, event.target_power_w, law=event.law
+            )
+    return schedule
+
+
+def make_loop(
+    scenario: Resolved, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
+) -> ControllerLoop:
+    """Put parameters, initial state and ports together; in lockstep the pacer is known.
+
+    Raises: ConfigError when there is no such law, or it cannot work
+    """
+    check_names(scenario)
+    params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
+    return ControllerLoop(
+        params, initial_state(params), ports=ports, pacer=pacer or make_pacer(scenario),
+        recorder=recorder, schedule=schedule_of(scenario),
+        status_every=scenario.loop.status_every, peer_timeout_s=scenario.loop.peer_timeout_s,
+        snapshot_every=scenario.loop.snapshot_every,
+    )  # fmt: skip

@@ -1,0 +1,31 @@
+"""Whether the last charge has burnt, from the speed that the piston has reached since."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from controller.motion.prediction import speeds
+from controller.motion.stroke_map import StrokeMap
+from controller.observe.estimate import Motion
+from controller.supervisory import SetPoints
+
+MISFIRE_SPEED_RATIO: Final = 0.6
+"""Below this share of the expected speed it has not: the air springs alone give 0.2 to 0.45."""
+
+
+def has_misfired(
+    stroke_map: StrokeMap | None, motion: Motion, set_points: SetPoints,
+    burnt_kg: tuple[float, float],
+) -> bool:  # fmt: skip
+    """Compare the speed reached since the dead centre with that of a burnt charge.
+
+    Half-way between the speeds with this charge and with none, by the stroke's map; without one
+    v = v_mid sin(pi t / T), scaled by the dead centre from which the piston started.
+    """
+    if stroke_map is not None and stroke_map.fits:
+        fired, unfired = speeds(stroke_map, motion, set_points.load_n_s_m, burnt_kg[motion.side])
+        return motion.speed_m_s < 0.5 * (fired + unfired)
+    scale = motion.tdc_m / set_points.tdc_ref_m
+    expected = set_points.point.v_mid_m_s * scale * math.sqrt(0.5)  # sin(pi / 4)
+    return motion.speed_m_s < MISFIRE_SPEED_RATIO * expected

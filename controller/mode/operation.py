@@ -1,0 +1,122 @@
+"""The operating mode and the combustion that is being judged, from tick to tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, final
+
+from controller.mode.start_restart import Facts, Mode, next_mode
+from controller.observe.estimate import Observation
+from hil.values import Value, replace
+
+MISFIRE_CHECK_FRACTION: Final = 0.25
+"""Part of a stroke after which the piston's speed tells whether the charge has burnt."""
+
+REST_SPEED_M_S: Final = 2e-3
+REST_POSITION_M: Final = 2e-3
+
+
+@final
+class Bounds(Value):
+    """The most that is borne: position, ticks without a sample, misfires in a row, motoring."""
+
+    __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns")
+
+    def __init__(self, limit_m: float, stale_ticks: int, misfires: int, motoring_ns: int) -> None:
+        self.limit_m = limit_m
+        self.stale_ticks = stale_ticks
+        self.misfires = misfires
+        self.motoring_ns = motoring_ns
+
+    def excludes(self, x_m: float) -> bool:
+        """Whether the piston must not be there."""
+        return abs(x_m) > self.limit_m
+
+
+@final
+class Operation(Value):
+    """The mode, since when, and the combustions of the engine.
+
+    fired_t_ns: dead centre of a combustion that is still to be judged, -1 none
+    fired_strokes: since the start or restart; misfires: in a row
+    """
+
+    __slots__ = ("mode", "since_t_ns", "fired_t_ns", "fired_strokes", "misfires")
+
+    def __init__(
+        self, mode: Mode, since_t_ns: int = 0, fired_t_ns: int = -1, fired_strokes: int = 0,
+        misfires: int = 0,
+    ) -> None:  # fmt: skip
+        self.mode = mode
+        self.since_t_ns = since_t_ns
+        self.fired_t_ns = fired_t_ns
+        self.fired_strokes = fired_strokes
+        self.misfires = misfires
+
+    def entered(self, mode: Mode, t_ns: int) -> Operation:
+        """The operation in another mode: one combustion begins it, or none is judged any more."""
+        if mode is Mode.GENERATING:
+            return replace(self, mode=mode, since_t_ns=t_ns, fired_strokes=1)
+        if mode is Mode.MOTORING:
+            return replace(self, mode=mode, since_t_ns=t_ns)
+        return replace(self, mode=mode, since_t_ns=t_ns, fired_t_ns=-1, misfires=0)
+
+
+def is_uneventful(bounds: Bounds, operation: Operation, seen: Observation, stroke_s: float) -> bool:
+    """Whether no rule can apply: most ticks of a running engine, told by a few comparisons."""
+    return (
+        operation.mode is Mode.GENERATING
+        and seen.stale == 0
+        and not seen.passed.dead_centre
+        and (operation.fired_t_ns < 0 or not _is_check_due(operation, seen, stroke_s))
+        and operation.misfires < bounds.misfires
+        and -bounds.limit_m <= seen.motion.x_m <= bounds.limit_m
+    )
+
+
+def decide(
+    bounds: Bounds, operation: Operation, seen: Observation, request: str, *, fuel_kg: float,
+    stroke_s: float, has_misfired: Callable[[], bool],
+) -> tuple[Operation, str]:  # fmt: skip
+    """Judge the combustion, apply the mode table.
+
+    Parameters: request : kind of the operator's command, "" for none; fuel_kg : planned for the
+    dead centre of this tick, if it has one
+    Returns: the operation from now on, and the name of the rule that has changed the mode, or ""
+    """
+    fired, misfired = seen.passed.dead_centre and fuel_kg > 0.0, False
+    if fired:
+        operation = replace(
+            operation, fired_t_ns=seen.motion.dc_t_ns, fired_strokes=operation.fired_strokes + 1
+        )
+    elif operation.fired_t_ns >= 0 and seen.stale == 0 and _is_check_due(operation, seen, stroke_s):
+        misfired = has_misfired()
+        misfires = operation.misfires + 1 if misfired else 0
+        operation = replace(operation, fired_t_ns=-1, misfires=misfires)
+    facts = _facts(bounds, operation, seen, request, fired, misfired)
+    mode, rule = next_mode(operation.mode, facts)
+    return (operation.entered(mode, seen.t_ns) if rule else operation), rule
+
+
+def _facts(
+    bounds: Bounds, operation: Operation, seen: Observation, request: str, fired: bool,
+    misfired: bool,
+) -> Facts:  # fmt: skip
+    """What the mode table looks at."""
+    motion = seen.motion
+    return Facts(
+        start_requested=request == "start",
+        stop_requested=request == "stop",
+        sample_stale=seen.stale >= bounds.stale_ticks,
+        beyond_limit=bounds.excludes(motion.tdc_m if seen.passed.dead_centre else motion.x_m),
+        fired=fired,
+        misfired=misfired,
+        misfires_exhausted=operation.misfires >= bounds.misfires,
+        motoring_too_long=seen.t_ns - operation.since_t_ns > bounds.motoring_ns,
+        at_rest=abs(motion.v_m_s) < REST_SPEED_M_S and abs(motion.x_m) < REST_POSITION_M,
+    )
+
+
+def _is_check_due(operation: Operation, seen: Observation, stroke_s: float) -> bool:
+    """Whether enough of the stroke has passed to tell combustion from misfire."""
+    return seen.t_ns - operation.fired_t_ns >= MISFIRE_CHECK_FRACTION * (stroke_s * 1e9)

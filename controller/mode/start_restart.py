@@ -1,0 +1,88 @@
+"""Start and restart: which mode the engine is in, from a table that reads aloud.
+
+OFF -> MOTORING (in resonance, until the amplitude allows ignition) -> GENERATING, and back to
+MOTORING after a misfire (thesis section 6.1.3, level 1). SAFE is left only by a start request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import final
+
+from hil.values import Value
+from hil.wire.messages import OperatingMode
+
+Mode = OperatingMode
+
+
+@final
+class Facts(Value):
+    """What the table looks at; each is true or false in this tick."""
+
+    __slots__ = (
+        "start_requested", "stop_requested", "sample_stale", "beyond_limit", "fired", "misfired",
+        "misfires_exhausted", "motoring_too_long", "at_rest",
+    )  # fmt: skip
+
+    def __init__(
+        self, start_requested: bool = False, stop_requested: bool = False,
+        sample_stale: bool = False, beyond_limit: bool = False, fired: bool = False,
+        misfired: bool = False, misfires_exhausted: bool = False, motoring_too_long: bool = False,
+        at_rest: bool = False,
+    ) -> None:  # fmt: skip
+        self.start_requested = start_requested
+        self.stop_requested = stop_requested
+        self.sample_stale = sample_stale
+        self.beyond_limit = beyond_limit
+        self.fired = fired
+        self.misfired = misfired
+        self.misfires_exhausted = misfires_exhausted
+        self.motoring_too_long = motoring_too_long
+        self.at_rest = at_rest
+
+
+@final
+class Rule(Value):
+    """From these modes, when this holds, go there; the log names the rule."""
+
+    __slots__ = ("name", "sources", "when", "target")
+
+    def __init__(
+        self, name: str, sources: frozenset[Mode], when: Callable[[Facts], bool], target: Mode
+    ) -> None:
+        self.name = name
+        self.sources = sources
+        self.when = when
+        self.target = target
+
+
+_ACTIVE = frozenset({Mode.MOTORING, Mode.GENERATING})
+_MOVING = _ACTIVE | {Mode.STOPPING}
+
+RULES: tuple[Rule, ...] = (
+    Rule("sample lost", _MOVING, lambda f: f.sample_stale, Mode.SAFE),
+    Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, Mode.SAFE),
+    Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, Mode.SAFE),
+    Rule("motoring did not reach the amplitude", frozenset({Mode.MOTORING}),
+         lambda f: f.motoring_too_long, Mode.SAFE),
+    Rule("stop requested", _ACTIVE, lambda f: f.stop_requested, Mode.STOPPING),
+    Rule("piston at rest", frozenset({Mode.STOPPING}), lambda f: f.at_rest, Mode.OFF),
+    Rule("start requested", frozenset({Mode.OFF, Mode.SAFE, Mode.STOPPING}),
+         lambda f: f.start_requested and not f.sample_stale, Mode.MOTORING),
+    Rule("first combustion", frozenset({Mode.MOTORING}), lambda f: f.fired, Mode.GENERATING),
+    Rule("misfire", frozenset({Mode.GENERATING}), lambda f: f.misfired, Mode.MOTORING),
+)  # fmt: skip
+
+
+_RULES_FROM = {mode: tuple(rule for rule in RULES if mode in rule.sources) for mode in Mode}
+
+
+def next_mode(mode: Mode, facts: Facts) -> tuple[Mode, str]:
+    """Apply the first rule that matches.
+
+    Returns: the mode and the name of the rule, "" when none matched
+    """
+    for rule in _RULES_FROM[mode]:
+        if rule.when(facts):
+            return rule.target, rule.name
+    return mode, ""

@@ -1,0 +1,242 @@
+"""Extended state observer: velocity, load and charge from position and velocity alone.
+
+m v' = q f [(1 - h) + h (4/pi) sin(omega tau)] - (k0 + k_q q) z - c v,  c' = 0,  q' = 0
+
+a Kalman filter of three states, exact in v between two samples because z is measured. The charge
+is drawn anew at each dead centre, where v is nought; the load drifts, and jumps where nothing
+else explains what is seen (after the controllers of FPEC and the later literature, thesis
+chapter 2). The fuel is deadbeat, and trimmed until it has flowed.
+"""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from controller.motion.charge import (
+    AS_BELIEVED,
+    NOTHING_FORESEEN,
+    UNALIGNED,
+    Charge,
+    Forecast,
+    first_fuel,
+    is_near,
+)
+from controller.motion.deadbeat import at_dead_centre, fuel_after
+from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
+from controller.motion.stroke_map import StrokeMap
+from hil.config.controller import ControllerConfig, ObserverConfig
+from hil.values import Value, replace
+
+_LEAST: Final = 0.2
+_MOST: Final = 4.0
+_WORST_SHARE: Final = 9.0
+_END_MOVED_M: Final = 20e-6
+
+
+@final
+class Covariance(Value):
+    """Of velocity, load and charge: [m2/s2, (N s/m)2, kg2] and their products."""
+
+    __slots__ = ("vv", "vc", "vq", "cc", "cq", "qq")
+
+    def __init__(
+        self, vv: float = 0.0, vc: float = 0.0, vq: float = 0.0, cc: float = 400.0,
+        cq: float = 0.0, qq: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.vv = vv
+        self.vc = vc
+        self.vq = vq
+        self.cc = cc
+        self.cq = cq
+        self.qq = qq
+
+
+_WIDE: Final = Covariance()
+_TAKEN_OVER: Final = Covariance(cc=100.0)
+
+
+@final
+class Estimate(Value):
+    """Velocity, load and charge with their covariance; z of the sample before; noise of v."""
+
+    __slots__ = ("v", "c", "q", "p", "z", "noise_m2_s2")
+
+    def __init__(
+        self, v: float = 0.0, c: float = 0.0, q: float = 0.0, p: Covariance = _WIDE,
+        z: float = 0.0, noise_m2_s2: float = 1e-6,
+    ) -> None:  # fmt: skip
+        self.v = v
+        self.c = c
+        self.q = q
+        self.p = p
+        self.z = z
+        self.noise_m2_s2 = noise_m2_s2
+
+
+_NOTHING_KNOWN: Final = Estimate()
+
+
+@final
+class ObserverState(Value):
+    """The estimate, what was learnt, what is foreseen, and what the fuel was set for.
+
+    begun: whether this stroke has been followed from its dead centre on
+    """
+
+    __slots__ = ("estimate", "begun", "charge", "forecast", "fuel_for_n_s_m", "fuel_for_m")
+
+    def __init__(
+        self, estimate: Estimate = _NOTHING_KNOWN, begun: bool = False,
+        charge: Charge = AS_BELIEVED, forecast: Forecast = NOTHING_FORESEEN,
+        fuel_for_n_s_m: float = 0.0, fuel_for_m: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.estimate = estimate
+        self.begun = begun
+        self.charge = charge
+        self.forecast = forecast
+        self.fuel_for_n_s_m = fuel_for_n_s_m
+        self.fuel_for_m = fuel_for_m
+
+
+def step(
+    config: ControllerConfig, state: ObserverState, view: View
+) -> tuple[ObserverState, Demand]:
+    """The steady fuel, until the watch trims it in the same tick."""
+    demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
+    return replace(state, fuel_for_n_s_m=0.0), demand
+
+
+def watch(
+    config: ControllerConfig, state: ObserverState, view: View, planned_kg: float
+) -> tuple[ObserverState, Trim]:
+    """Follow the motion by one tick; at the dead centre begin anew; trim the fuel."""
+    if view.passed.dead_centre:
+        return _begin(config, state, view), NO_TRIM
+    if not state.begun:
+        return state, NO_TRIM
+    motion, learnt, load = view.motion, state.charge, view.load_n_s_m
+    believed = learnt.map_of(view)
+    now = follow(
+        config.observer, believed, state.estimate, motion.z_m, motion.speed_m_s, motion.tau_s,
+        view.dt_s,
+    )  # fmt: skip
+    if not _LEAST * load < now.c < _MOST * load:
+        now = replace(now, c=load, p=Covariance(qq=now.p.qq))
+    fuel_for_c, fuel_for_m, trim = state.fuel_for_n_s_m, state.fuel_for_m, NO_TRIM
+    if planned_kg != 0.0 and learnt.known:
+        end_m, _ = believed.travel(now.q, now.c, motion.z_m, now.v, motion.tau_s)
+        same_load = abs(now.c - fuel_for_c) <= config.load_estimate.retrim * now.c
+        if not same_load or abs(end_m - fuel_for_m) > _END_MOVED_M:
+            fuel_for_c, fuel_for_m = now.c, end_m
+            trim = Trim(fuel_after(view, learnt, now.c, end_m, planned_kg))
+    return ObserverState(now, True, learnt, state.forecast, fuel_for_c, fuel_for_m), trim
+
+
+def _begin(config: ControllerConfig, state: ObserverState, view: View) -> ObserverState:
+    """At a dead centre: v was nought there, the charge is what was asked for, more or less."""
+    motion = view.motion
+    if not state.charge.known:
+        state = _aligned(config, state, view)
+    before = state.estimate
+    c = before.c or view.load_n_s_m
+    learnt, forecast = at_dead_centre(
+        config.learning, state.charge, state.forecast, view, c, state.fuel_for_m
+    )
+    q = learnt.effective_kg(view, motion.side)
+    spread = config.observer.charge_spread * q
+    p = Covariance(cc=before.p.cc, qq=spread * spread)
+    begun = Estimate(0.0, c, q, p, -motion.tdc_m, before.noise_m2_s2)
+    now = follow(
+        config.observer, learnt.map_of(view), begun, motion.z_m, motion.speed_m_s, motion.tau_s,
+        motion.tau_s,
+    )  # fmt: skip
+    return ObserverState(now, True, learnt, forecast)
+
+
+def _aligned(config: ControllerConfig, state: ObserverState, view: View) -> ObserverState:
+    """After a change of law: the load under which the fuel in force holds the set point.
+
+    Load and charge cannot both be told from a steady state; the charge is believed.
+    """
+    known = replace(state.charge, known=True)
+    if not is_near(config.learning, view):
+        return replace(state, charge=known)
+    left, right = view.burnt_kg
+    mean = 0.5 * (left + right)
+    c = view.believed.load_of_cycle(mean, view.tdc_ref_m, view.load_n_s_m)
+    known = replace(known, share=(mean / left, mean / right))
+    return replace(state, estimate=replace(state.estimate, c=c), charge=known)
+
+
+def follow(
+    config: ObserverConfig, believed: StrokeMap, now: Estimate, z: float, v: float, tau: float,
+    dt: float,
+) -> Estimate:  # fmt: skip
+    """One tick of the filter: predict over dt up to tau, correct by the velocity measured."""
+    if dt <= 0.0:
+        return replace(now, z=z)
+    m, c, q = believed.m, now.c, now.q
+    middle = 0.5 * (now.z + z) + dt * (now.v - v) / 12.0
+    push = believed.push(q, tau - 0.5 * dt)
+    a = (now.z - z) / m
+    b = dt / m * (push - believed.k_q * middle)
+    k = believed.k0 + believed.k_q * q
+    predicted = now.v + dt / m * (push * q - k * middle) + a * c
+    e = v - predicted
+    p = _carried(now.p, a, b, config)
+    seen = abs(e) > config.step_min_m_s and abs(v) > config.slowest_m_s
+    if seen and e * e > config.gate * config.gate * (p.vv + now.noise_m2_s2):
+        p = _after_jump(p, a, config.load_jump * c)
+    return _corrected(config, now, p, predicted, e, z)
+
+
+def _corrected(
+    config: ObserverConfig, now: Estimate, p: Covariance, predicted: float, e: float, z: float
+) -> Estimate:
+    """The estimate after an innovation e of the velocity."""
+    noise = now.noise_m2_s2
+    s = p.vv + noise
+    spread = min(e * e, _WORST_SHARE * noise)
+    floor = config.noise_floor_m_s * config.noise_floor_m_s
+    gv, gc, gq = p.vv / s, p.vc / s, p.vq / s
+    return Estimate(
+        v=predicted + gv * e,
+        c=max(now.c + gc * e, 1.0),
+        q=max(now.q + gq * e, 1e-9),
+        p=Covariance(
+            p.vv - gv * p.vv, p.vc - gv * p.vc, p.vq - gv * p.vq,
+            p.cc - gc * p.vc, p.cq - gc * p.vq, p.qq - gq * p.vq,
+        ),
+        z=z,
+        noise_m2_s2=max(noise + config.noise_gain * (spread - noise), floor),
+    )  # fmt: skip
+
+
+def _carried(p: Covariance, a: float, b: float, config: ObserverConfig) -> Covariance:
+    """The covariance a tick later: v takes up a times the load's error and b times the charge's."""
+    vv = p.vv + (2.0 * (a * p.vc + b * p.vq) + a * a * p.cc + 2.0 * a * b * p.cq + b * b * p.qq)
+    vv += config.drift_m_s * config.drift_m_s
+    cc = p.cc + config.drift_n_s_m * config.drift_n_s_m
+    return Covariance(vv, p.vc + a * p.cc + b * p.cq, p.vq + a * p.cq + b * p.qq, cc, p.cq, p.qq)
+
+
+def _after_jump(p: Covariance, a: float, jump: float) -> Covariance:
+    """The covariance when the load may have moved by so much."""
+    square = jump * jump
+    return Covariance(
+        p.vv + a * a * jump * jump, p.vc + a * jump * jump, p.vq, p.cc + square, p.cq, p.qq
+    )
+
+
+def after_restart(state: ObserverState) -> ObserverState:
+    """Keep what was learnt; follow the motion from the next dead centre on."""
+    return ObserverState(state.estimate, False, state.charge)
+
+
+LAW = Law(
+    "observer", ObserverState(), step, watch,
+    ("observer.drift_n_s_m", "observer.charge_spread", "observer.load_jump", "observer.gate"),
+    # Knows little of the load, and aligns the shares with the fuel in force.
+    take_over=lambda config, view: ObserverState(Estimate(p=_TAKEN_OVER), charge=UNALIGNED),
+    after_restart=after_restart, needs_map=True, needs_fit=True,
+)  # fmt: skip

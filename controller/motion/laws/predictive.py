@@ -1,0 +1,181 @@
+"""Predictive: the load inferred from this stroke's mid-stroke velocity, then deadbeat fuel.
+
+The load c that explains v_mid gives the dead centre X ahead (TDC predicted from the velocity as
+compression begins, Mikalsen and Roskilly), and the fuel that takes the next stroke from X to the
+set point. Called once a stroke; only position and velocity are measured.
+"""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from controller.motion.charge import is_near, shares_of
+from controller.motion.law import Demand, Law, View
+from hil.config.controller import ControllerConfig, LearningConfig, PredictiveConfig
+from hil.values import Value, replace
+
+_CALM: Final = 3
+_LEAST: Final = 0.2
+_MOST: Final = 4.0
+_WORST_SHARE: Final = 9.0
+_TRUST: Final = 100.0
+_DOUBTFUL: Final = 2.0
+"""A load told from one speed is noisier than a measured one: so much more is a change."""
+
+
+@final
+class InferredLoad(Value):
+    """The load inferred last (0: none yet), its variance as a share, noise of one inference.
+
+    seen: inferences of the stroke before and of the one before that
+    """
+
+    __slots__ = ("c", "variance", "noise", "seen")
+
+    def __init__(
+        self, c: float = 0.0, variance: float = 1e-4, noise: float = 4e-6,
+        seen: tuple[float, float] = (0.0, 0.0),
+    ) -> None:  # fmt: skip
+        self.c = c
+        self.variance = variance
+        self.noise = noise
+        self.seen = seen
+
+
+NONE_YET: Final = InferredLoad()
+
+
+@final
+class PredictiveState(Value):
+    """The load, shares of the fuel by side, error of the map [m].
+
+    end_m: dead centre that was predicted (0: none); offset_before_m: to undo the last lesson
+    calm: strokes since the load was seen to change; none of the first few teaches anything
+    """
+
+    __slots__ = ("load", "share", "offset_m", "offset_before_m", "end_m", "calm", "known")
+
+    def __init__(
+        self, load: InferredLoad = NONE_YET, share: tuple[float, float] = (1.0, 1.0),
+        offset_m: float = 0.0, offset_before_m: float = 0.0, end_m: float = 0.0,
+        calm: int = _CALM, known: bool = True,
+    ) -> None:  # fmt: skip
+        self.load = load
+        self.share = share
+        self.offset_m = offset_m
+        self.offset_before_m = offset_before_m
+        self.end_m = end_m
+        self.calm = calm
+        self.known = known
+
+
+def step(
+    config: ControllerConfig, state: PredictiveState, view: View
+) -> tuple[PredictiveState, Demand]:
+    """Infer, predict, correct: the fuel for the combustion at the end of this stroke."""
+    believed, motion, ahead = view.believed, view.motion, view.motion.side_ahead
+    if not state.known:
+        state = _aligned(config.learning, state, view)
+    q = max(state.share[1 - ahead] * view.burnt_kg[1 - ahead], 1e-9)
+    v_mid = motion.v_mid_m_s / believed.speed
+    load, excess, news = _inferred(config.predictive, state.load, view, q, v_mid)
+    share, offset_m, calm = _lessons(config.learning, state, motion.tdc_m, 1 - ahead, excess, news)
+    _, tau = believed.pass_mid(q, load.c, motion.tdc_m)
+    end_m = believed.travel(q, load.c, 0.0, v_mid, tau)[0] + offset_m
+    wanted = believed.charge_for(load.c, end_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
+    fuel_kg = view.limited_kg(wanted / share[ahead])
+    demand = Demand(
+        fuel_kg, view.point.v_mid_m_s, inner_p_kg=fuel_kg - view.point.fuel_kg,
+        inner_i_kg=wanted / share[ahead] - wanted,
+    )  # fmt: skip
+    return PredictiveState(load, share, offset_m, state.offset_m, end_m, calm), demand
+
+
+def _inferred(
+    config: PredictiveConfig, before: InferredLoad, view: View, q: float, v_mid: float
+) -> tuple[InferredLoad, float, float]:
+    """The load behind a mid-stroke speed; by how much it exceeds, and what of that is news."""
+    believed, commanded = view.believed, view.load_n_s_m
+    seen = believed.load_behind(q, view.motion.tdc_m, v_mid, before.c or commanded)
+    seen = min(max(seen, _LEAST * commanded), _MOST * commanded)
+    excess = seen / (before.c or seen) - 1.0
+    # Two cylinders that differ alternate: what the same side has shown before is no load step.
+    again = seen / before.seen[1] - 1.0 if before.seen[1] > 0.0 else excess
+    news = min(abs(excess), abs(again))
+    trust = 1.0 if believed.fits else config.poor_map_trust
+    return _filtered(config, before, seen, trust * excess, trust * news), excess, news
+
+
+def _filtered(
+    config: PredictiveConfig, before: InferredLoad, seen: float, excess: float, news: float
+) -> InferredLoad:
+    """The load, its variance and the noise of an inference: a Kalman filter, noise learnt.
+
+    What the noise cannot explain is a change of the load, and is taken at once.
+    """
+    variance = before.variance + config.drift * config.drift
+    square = news * news
+    s = variance + before.noise
+    if square > config.gate * config.gate * s:
+        variance += square * _TRUST
+        s = variance + before.noise
+    gain = variance / s
+    spread = min(square, _WORST_SHARE * before.noise)
+    noise = before.noise + config.noise_gain * (spread - before.noise)
+    noise = max(noise, config.noise_floor * config.noise_floor)
+    c = (before.c or seen) * (1.0 + gain * excess)
+    return InferredLoad(c, variance * (1.0 - gain), noise, (seen, before.seen[0]))
+
+
+def _lessons(
+    config: LearningConfig, state: PredictiveState, tdc_m: float, fired: int, excess: float,
+    news: float,
+) -> tuple[tuple[float, float], float, int]:  # fmt: skip
+    """Shares, error of the map and calm after this stroke; a change of the load undoes lessons."""
+    offset_m, calm = state.offset_m, min(state.calm + 1, _CALM)
+    if state.end_m > 0.0 and state.calm >= _CALM:
+        offset_m += config.gain * (tdc_m - state.end_m)
+        offset_m = min(max(offset_m, -config.offset_m), config.offset_m)
+    if news > _DOUBTFUL * config.load_change:
+        return state.share, state.offset_before_m, 0
+    share = _balanced(config, state.share, fired, excess) if calm >= _CALM else state.share
+    return share, offset_m, calm
+
+
+def _balanced(
+    config: LearningConfig, share: tuple[float, float], fired: int, excess: float
+) -> tuple[float, float]:
+    """A load that seems to alternate from stroke to stroke is a charge that does.
+
+    Half of the alternation belongs to each side, with opposite signs; their mean stays.
+    """
+    less = 0.5 * config.gain * excess
+    moved = [s - less if side == fired else s + less for side, s in enumerate(share)]
+    left, right = (min(max(s, config.share_min), config.share_max) for s in moved)
+    return left, right
+
+
+def _aligned(config: LearningConfig, state: PredictiveState, view: View) -> PredictiveState:
+    """After a change of law: the shares with which this law asks for the fuel in force.
+
+    The load and the charge cannot both be told from a mid-stroke velocity; the commanded load is
+    believed, and what remains is the charge.
+    """
+    if not is_near(config, view):
+        return replace(state, known=True)
+    left, right = view.burnt_kg
+    share = shares_of(config, 0.5 * (left + right), view.burnt_kg)
+    return replace(state, share=share, known=True)
+
+
+def after_restart(state: PredictiveState) -> PredictiveState:
+    """Keep what was learnt; the stroke under way was not predicted."""
+    return replace(state, end_m=0.0, load=replace(state.load, c=0.0))
+
+
+LAW = Law(
+    "predictive", PredictiveState(), step,
+    parameters=("predictive.drift", "predictive.noise_gain", "predictive.gate"),
+    take_over=lambda config, view: PredictiveState(known=False),
+    after_restart=after_restart, needs_map=True,
+)  # fmt: skip

@@ -1,0 +1,63 @@
+"""The load as it is, from electric power and velocity: scale = P / (c_commanded v^2).
+
+A scalar Kalman filter whose measurement noise is that of the velocity, learnt from what the
+filter leaves over. What that noise cannot explain is a load step, and is taken at once.
+"""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from hil.config.controller import LoadEstimateConfig
+from hil.values import Value
+
+_WORST_SHARE = 9.0
+
+
+@final
+class LoadEstimate(Value):
+    """Actual over commanded load coefficient, its variance, and that of the velocity noise."""
+
+    __slots__ = ("scale", "variance", "noise_m2_s2")
+
+    def __init__(
+        self, scale: float = 1.0, variance: float = 1e-4, noise_m2_s2: float = 1e-6
+    ) -> None:
+        self.scale = scale
+        self.variance = variance
+        self.noise_m2_s2 = noise_m2_s2
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether anything may be concluded from the scale."""
+        return self.variance <= _UNSURE
+
+
+AS_COMMANDED: Final = LoadEstimate()
+UNKNOWN: Final = LoadEstimate(variance=1.0)
+_UNSURE: Final = 1e-2
+
+
+def update(
+    config: LoadEstimateConfig, now: LoadEstimate, power_w: float, v: float, commanded: float
+) -> LoadEstimate:
+    """Take one measurement of the power.
+
+    Parameters: v : velocity at the same instant [m/s]; commanded : load then in force [N s/m]
+    """
+    if abs(v) < config.slowest_m_s or commanded <= 0.0:
+        return now
+    noise, variance = now.noise_m2_s2, now.variance + config.drift * config.drift
+    full = commanded * v * v
+    by_speed = 2.0 * now.scale / v
+    by_grid = config.power_grid_w / full
+    r = by_speed * by_speed * noise + by_grid * by_grid
+    innovation = power_w / full - now.scale
+    square = innovation * innovation
+    if square > config.gate * config.gate * (variance + r) and abs(innovation) > config.step_min:
+        variance += square
+    gain = variance / (variance + r)
+    spread = min(square / (by_speed * by_speed), _WORST_SHARE * noise)
+    floor = config.noise_floor_m_s * config.noise_floor_m_s
+    noise = max(noise + config.noise_gain * (spread - noise), floor)
+    return LoadEstimate(now.scale + gain * innovation, variance * (1.0 - gain), noise)

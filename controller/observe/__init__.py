@@ -1,0 +1,1 @@
+"""From samples to motion: what can be believed, and what happens between two ticks."""

@@ -1,0 +1,41 @@
+"""What an operator asks for: set points and law, taken or refused with the reason."""
+
+from __future__ import annotations
+
+from controller import supervisory
+from controller.commands import OperatorCommand
+from controller.motion.choice import refusal
+from controller.observe.estimate import NOTHING
+from controller.state import Events, Params, State, view_of
+from hil.values import replace
+
+
+def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State, Events]:
+    """Take an operator's command; start and stop are facts for the mode table."""
+    reason = _refusal(params, command)
+    if reason:
+        return state, (("command-refused", reason),)
+    if command.kind == "set-point":
+        set_points = supervisory.change(
+            params.config, params.engine, state.set_points, command.tdc_ref_m,
+            command.target_power_w,
+        )  # fmt: skip
+        state = replace(state, set_points=set_points)
+    if command.law is not None:
+        state = _with_law(params, state, command.law)
+    return state, (("command", command.describe()),)
+
+
+def _refusal(params: Params, command: OperatorCommand) -> str:
+    """Why a command cannot be taken; an empty string when it can."""
+    tdc_m, limit_m = command.tdc_ref_m, params.bounds.limit_m
+    if tdc_m is not None and params.bounds.excludes(tdc_m):
+        return f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {limit_m:g}"
+    reason = "" if command.law is None else refusal(command.law, params.stroke_map)
+    return f"{reason} (from {command.origin})" if reason else ""
+
+
+def _with_law(params: Params, state: State, name: str) -> State:
+    """Let another law go on from here; in a mode without one it will begin afresh."""
+    view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
+    return replace(state, fuelling=state.fuelling.handed_over(params.config, name, view))

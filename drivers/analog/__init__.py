@@ -1,0 +1,1 @@
+"""Analogue sensors of real hardware."""

@@ -1,0 +1,1 @@
+"""Link over a CAN bus, whatever carries its frames."""

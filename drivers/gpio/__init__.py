@@ -1,0 +1,1 @@
+"""TTL lines of real hardware."""

@@ -1,0 +1,1 @@
+"""From a loop to a log on the disk: ring, process, file."""

@@ -1,0 +1,1 @@
+"""Link through shared memory."""

@@ -1,0 +1,1 @@
+"""Clock, real-time privileges, process and service: what the operating system gives."""

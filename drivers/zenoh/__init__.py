@@ -1,0 +1,1 @@
+"""Link and channels over Zenoh."""

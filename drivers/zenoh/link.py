@@ -1,0 +1,161 @@
+"""A link over Zenoh: the frames of one tick are one put; what arrives is polled, never called back.
+
+A callback would run on one of Zenoh's threads and fight the loop for the interpreter; a handler
+without timeouts is all the library offers beside it. So `wait` polls: an empty poll costs 0.2 us.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import zenoh
+
+from drivers.polling import LockstepPolling, RealTimePolling
+from drivers.zenoh.config import Role, session_config
+from hil.config.process import ZenohConfig
+from hil.errors import LinkError
+
+_CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
+_PEER_POLL_S: Final = 2e-3
+PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
+
+
+def give_back(*closers: Callable[[], object]) -> None:
+    """Undeclare or close one after the other, whatever became of the session meanwhile."""
+    for closer in closers:
+        with contextlib.suppress(zenoh.ZError):
+            closer()
+
+
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether a subscriber is known by now; a put before that would go nowhere."""
+    # The stub declares a bool; the library returns an object with this one field.
+    status: object = publisher.matching_status
+    return bool(getattr(status, "matching", status))
+
+
+class ZenohNode:
+    """One process's session: its endpoints, its liveliness token and its view of the peers.
+
+    Raises: ConfigError when an endpoint is refused, LinkError when the session does not open
+    """
+
+    def __init__(self, role: Role, config: ZenohConfig, *, lockstep: bool) -> None:
+        self.role = role
+        self.config = config
+        self.lockstep = lockstep
+        tree = session_config(role, config, lockstep=lockstep)
+        try:
+            self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
+        except zenoh.ZError as error:
+            raise LinkError(f"zenoh: {role} cannot open {tree['listen']}: {error}") from None
+        self._alive: set[str] = set()
+        self._seen = self.session.liveliness().declare_subscriber(
+            self.key("alive/*"), zenoh.handlers.RingChannel(64), history=True
+        )
+        self._token: zenoh.LivelinessToken | None = None
+
+    def key(self, end: str) -> str:
+        """Return a key of this engine."""
+        return f"hil/{self.config.engine}/{end}"
+
+    def announce(self) -> None:
+        """Tell the others that this process takes part; call it when everything is declared."""
+        self._token = self.session.liveliness().declare_token(self.key(f"alive/{self.role}"))
+
+    def alive(self) -> set[str]:
+        """Return the roles of the processes that take part by now."""
+        while (sample := self._seen.handler.try_recv()) is not None:
+            role = str(sample.key_expr).rsplit("/", 1)[1]
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._alive.add(role)
+            else:
+                self._alive.discard(role)
+        return self._alive
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        if not self.session.is_closed():
+            token = () if self._token is None else (self._token.undeclare,)
+            give_back(*token, self._seen.undeclare, self.session.close)
+
+
+class ZenohLink:
+    """One end of the link: publishes on its own frames key, polls the peer's."""
+
+    def __init__(self, node: ZenohNode, period_ns: int) -> None:
+        self._node = node
+        self._peer = PEER[node.role]
+        block = zenoh.CongestionControl.BLOCK if node.lockstep else zenoh.CongestionControl.DROP
+        self._publisher = node.session.declare_publisher(
+            node.key(f"frames/{node.role}"),
+            congestion_control=block,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        self._subscriber = node.session.declare_subscriber(
+            node.key(f"frames/{self._peer}"), zenoh.handlers.RingChannel(_CAPACITY)
+        )
+        self._handler = self._subscriber.handler
+        lockstep = LockstepPolling(self.receive) if node.lockstep else None
+        self._polling = lockstep or RealTimePolling(self.receive, period_ns)
+        self._sent = self._received = self._errors = 0
+        self._closed = False
+
+    def send(self, batch: bytes, /) -> None:
+        """Publish one tick's frames; in real time drops them rather than wait.
+
+        Raises: LinkError when the session is closed
+        """
+        try:
+            self._publisher.put(batch)
+        except zenoh.ZError as error:
+            self._errors += 1
+            raise LinkError(f"zenoh: {self._node.role} cannot send: {error}") from None
+        self._sent += 1
+
+    def receive(self) -> bytes | None:
+        """Return the oldest batch not yet taken, or None."""
+        if self._closed or (sample := self._handler.try_recv()) is None:
+            return None
+        self._received += 1
+        return sample.payload.to_bytes()
+
+    def wait(self, timeout_ns: int, /) -> bytes | None:
+        """Like `receive`, but wait for at most this long [ns]."""
+        batch = self.receive()
+        if batch is not None or timeout_ns <= 0 or self._closed:
+            return batch
+        return self._polling.wait(timeout_ns)
+
+    def peer_alive(self) -> bool:
+        """Whether the peer's process takes part; false at once when it closes or is killed."""
+        return self._peer in self._node.alive()
+
+    def wait_for_peer(self, timeout_s: float) -> None:
+        """Return when the peer takes part and gets what is sent to it.
+
+        Raises: LinkError when it does not within the time
+        """
+        end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        while not (self.peer_alive() and is_heard(self._publisher)):
+            if time.monotonic_ns() > end_ns:
+                config = self._node.config
+                plant = self._peer == "plant"
+                endpoint = config.plant_endpoint if plant else config.controller_endpoint
+                raise LinkError(f"no {self._peer} at {endpoint} after {timeout_s:g} s")
+            time.sleep(_PEER_POLL_S)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return batches sent and received, and errors; what was lost shows in the tick numbers."""
+        return {"sent": self._sent, "received": self._received, "errors": self._errors}
+
+    def close(self) -> None:
+        """Undeclare both keys; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            give_back(self._subscriber.undeclare, self._publisher.undeclare)

@@ -1,0 +1,190 @@
+"""The topics of a log: every record with the meaning and unit of its fields.
+
+A new topic is a new class here, one `Topic` with the next free channel number, and its
+place in `ALL`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Final
+
+from hil.log.records import Field, Record, Topic
+from hil.wire.messages import CHANNELS, MACHINE_MODES
+
+SAMPLE_FRESH, SAMPLE_NONE, SAMPLE_INVALID = 0, 1, 2
+LEFT, RIGHT = 0, 1
+SEVERITIES: Final = {0: "info", 1: "warning", 2: "fault"}
+INFO, WARNING, FAULT = SEVERITIES
+
+
+def _told(names: Mapping[int, str]) -> str:
+    """Numbers and what they stand for."""
+    return ", ".join(f"{number} {name.replace('_', ' ')}" for number, name in names.items())
+
+
+class Sensor(Record):
+    """What the sensors said: the sample that the plant sent or the controller used."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    x_m: Annotated[
+        float, Field("float64", "position from mid-stroke, positive to the right head", "m")
+    ]
+    v_m_s: Annotated[float, Field("float64", "velocity, positive to the right head", "m/s")]
+    p_left_pa: Annotated[float, Field("float64", "pressure in the left cylinder", "Pa")]
+    p_right_pa: Annotated[float, Field("float64", "pressure in the right cylinder", "Pa")]
+    electric_power_w: Annotated[float, Field("float64", "electric power of the machine", "W")]
+    status: Annotated[
+        int, Field("uint8", "0 fresh sample, 1 none received (last known values), 2 invalid")
+    ]
+
+
+class Actuator(Record):
+    """What the controller commands: machine, throttle and the pulses of this tick."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    answers_tick: Annotated[int, Field("uint32", "tick of the sample that this answers")]
+    mode: Annotated[int, Field("uint8", f"machine mode: {_told(MACHINE_MODES)}")]
+    force_n: Annotated[
+        float, Field("float64", "machine force when motoring, positive to the right", "N")
+    ]
+    load_coefficient_n_s_m: Annotated[
+        float, Field("float64", "load coefficient when generating", "N s/m")
+    ]
+    throttle: Annotated[float, Field("float64", "throttle opening, 0 closed to 1 open", "1")]
+    pulse_count: Annotated[int, Field("uint8", "how many entries of the pulse arrays are valid")]
+    pulse_channel: Annotated[
+        tuple[int, int, int, int],
+        Field("uint8[4]", _told(CHANNELS)),
+    ]
+    pulse_open_t_ns: Annotated[
+        tuple[int, int, int, int],
+        Field("int64[4]", "opening edges, from the start of the run", "ns"),
+    ]
+    pulse_duration_ns: Annotated[
+        tuple[int, int, int, int], Field("int64[4]", "opening to closing", "ns")
+    ]
+
+
+class Stroke(Record):
+    """One stroke as the controller saw it, and the terms of both loops."""
+
+    index: Annotated[int, Field("uint32", "number of the stroke")]
+    tick: Annotated[int, Field("uint32", "number of the tick in which it was told")]
+    t_ns: Annotated[int, Field("int64", "start of that tick, from the start of the run", "ns")]
+    side: Annotated[int, Field("uint8", "head of its dead centre: 0 left, 1 right")]
+    tdc_m: Annotated[float, Field("float64", "dead centre as distance from mid-stroke", "m")]
+    tdc_ref_m: Annotated[float, Field("float64", "its set point", "m")]
+    v_mid_m_s: Annotated[float, Field("float64", "speed at mid-stroke", "m/s")]
+    v_ref_m_s: Annotated[float, Field("float64", "its set point, from the outer loop", "m/s")]
+    fuel_kg: Annotated[float, Field("float64", "fuel for the next combustion", "kg")]
+    outer_p_m_s: Annotated[float, Field("float64", "proportional term of the outer loop", "m/s")]
+    outer_i_m_s: Annotated[float, Field("float64", "integral term of the outer loop", "m/s")]
+    inner_p_kg: Annotated[float, Field("float64", "proportional term of the inner loop", "kg")]
+    inner_i_kg: Annotated[float, Field("float64", "integral term of the inner loop", "kg")]
+
+
+class Truth(Record):
+    """The state of the engine model, without sensors."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    x_m: Annotated[
+        float, Field("float64", "position from mid-stroke, positive to the right head", "m")
+    ]
+    v_m_s: Annotated[float, Field("float64", "velocity, positive to the right head", "m/s")]
+    fuel_kg: Annotated[float, Field("float64", "fuel burnt by the last combustion", "kg")]
+    load_coefficient_n_s_m: Annotated[
+        float, Field("float64", "load coefficient that acts", "N s/m")
+    ]
+    disturbance: Annotated[int, Field("uint32", "bit set of the disturbances that act")]
+    dc_index: Annotated[int, Field("uint32", "number of the last dead centre")]
+    dc_t_ns: Annotated[int, Field("int64", "its instant, from the start of the run", "ns")]
+    dc_x_m: Annotated[float, Field("float64", "its position from mid-stroke", "m")]
+    contacts: Annotated[int, Field("uint32", "contacts with a head since the start of the run")]
+
+
+class Timing(Record):
+    """When the tick was due, when it ran, and what it used."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    scheduled_ns: Annotated[
+        int, Field("int64", "monotonic clock from the start of the run: due", "ns")
+    ]
+    woke_ns: Annotated[
+        int, Field("int64", "monotonic clock from the start of the run: woken", "ns")
+    ]
+    done_ns: Annotated[
+        int, Field("int64", "monotonic clock from the start of the run: frames sent", "ns")
+    ]
+    used_tick: Annotated[
+        int, Field("int64", "tick of the peer's frames used in this tick, -1 none, -2 none yet")
+    ]
+    missed: Annotated[int, Field("uint8", "1: an overrun skipped this tick")]
+
+
+class Event(Record):
+    """A fault, a change of mode, a command: whatever needs words."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    severity: Annotated[int, Field("uint8", _told(SEVERITIES))]
+    code: Annotated[str, Field("string", "short name, for programs")]
+    text: Annotated[str, Field("string", "one line, for people")]
+
+
+class Frames(Record):
+    """The frames of one tick as they were on the link: 10 bytes each, id and 8 data bytes."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    data: Annotated[
+        bytes, Field("uint8[]", "u16 identifier and 8 data bytes per frame, little endian")
+    ]
+
+
+class Demand(Record):
+    """What the piston-motion law asked for, in the tick in which it was worked out."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    fuel_kg: Annotated[float, Field("float64", "fuel for the next combustion", "kg")]
+    v_ref_m_s: Annotated[float, Field("float64", "set point of the mid-stroke speed", "m/s")]
+
+
+class Snapshot(Record):
+    """All that a process remembers at the start of a tick: a run can be resumed from it."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick that comes next")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    state: Annotated[str, Field("string", "JSON, every number exact")]
+
+
+class Command(Record):
+    """An operator's command as it came, in the tick in which it was taken."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    origin: Annotated[str, Field("string", "who sent it")]
+    data: Annotated[bytes, Field("uint8[]", "the command, JSON as it came")]
+
+
+SENSOR = Topic("/sensor", 1, Sensor)
+ACTUATOR = Topic("/actuator", 2, Actuator)
+STROKE = Topic("/stroke", 3, Stroke)
+TRUTH = Topic("/truth", 4, Truth)
+TIMING = Topic("/timing", 5, Timing)
+EVENT = Topic("/event", 6, Event)
+FRAMES_SENT = Topic("/frames/sent", 7, Frames)
+FRAMES_RECEIVED = Topic("/frames/received", 8, Frames)
+DEMAND = Topic("/demand", 9, Demand)
+SNAPSHOT = Topic("/snapshot", 10, Snapshot)
+COMMAND = Topic("/command", 11, Command)
+
+ALL = (
+    SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
+    DEMAND, SNAPSHOT, COMMAND,
+)  # fmt: skip

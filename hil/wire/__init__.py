@@ -1,0 +1,1 @@
+"""What crosses a link between plant and controller, and what it means."""

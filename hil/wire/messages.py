@@ -1,0 +1,135 @@
+"""Every message on the wire, declared once.
+
+The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc) and the table in docs/messages.md
+all follow from this module; `python -m bench.dev.generate --check` fails when one has drifted.
+A tick carries at most six frames in both directions together (docs/messages.md, bus load).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated as A
+from typing import Final, NamedTuple
+
+from hil.wire.fields import Signal, message
+
+MACHINE_MODES: Final = {0: "off", 1: "motor", 2: "generator"}
+OFF, MOTOR, GENERATOR = MACHINE_MODES
+
+
+class OperatingMode(IntEnum):
+    """Operating mode of the engine."""
+
+    OFF = 0
+    MOTORING = 1
+    GENERATING = 2
+    STOPPING = 3
+    SAFE = 4
+
+
+OPERATING_MODES: Final = {mode.value: mode.name.lower() for mode in OperatingMode}
+
+FIRING_MODES: Final = (OperatingMode.MOTORING.value, OperatingMode.GENERATING.value)
+"""In any other operating mode all TTL lines are low; both sides hold to it."""
+
+CHANNELS: Final = {
+    0: "injector_left",
+    1: "injector_right",
+    2: "spark_left",
+    3: "spark_right",
+    4: "intake_left",
+    5: "exhaust_left",
+    6: "intake_right",
+    7: "exhaust_right",
+}
+INJECTOR_LEFT, INJECTOR_RIGHT, SPARK_LEFT, SPARK_RIGHT, *VALVES = CHANNELS
+INTAKE_LEFT, EXHAUST_LEFT, INTAKE_RIGHT, EXHAUST_RIGHT = VALVES
+
+SLOW_SIGNALS: Final = {0: "electric_power", 1: "p_left", 2: "p_right"}
+ELECTRIC_POWER, P_LEFT, P_RIGHT = SLOW_SIGNALS
+SLOW_ORDER: Final = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
+"""They take turns: which one a tick carries, by its number modulo four."""
+
+PULSE_CLOCK_US: Final = 1 << 20
+"""Openings are given in plant microseconds modulo this (20 bits)."""
+
+
+@message(0x100, sender="plant", receiver="controller")
+class PlantTick(NamedTuple):
+    """First frame of the plant's tick: which tick, how many frames, and one slow signal.
+
+    tick: the plant's tick, the only clock on the wire
+    frame_count: frames of this tick, this one included
+    slow: which slow signal this frame carries
+    electric_power_w: power delivered by the machine, negative when motoring; nan if not carried
+    p_left_pa: pressure in the left cylinder; nan if not carried
+    p_right_pa: pressure in the right cylinder; nan if not carried
+    """
+
+    tick: A[int, Signal("u32")]
+    frame_count: A[int, Signal("u3", minimum=1)]
+    slow: A[int, Signal("u2", values=SLOW_SIGNALS, selects=True)]
+    electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=ELECTRIC_POWER)]
+    p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_LEFT)]
+    p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_RIGHT)]
+
+
+@message(0x101, sender="plant", receiver="controller")
+class PistonSample(NamedTuple):
+    """Piston motion at the start of the tick; +x points to the right head.
+
+    x_m: position from mid-stroke
+    v_m_s: velocity
+    """
+
+    x_m: A[float, Signal("i24", scale=1e-8, unit="m", minimum=-0.08, maximum=0.08)]
+    v_m_s: A[float, Signal("i24", scale=1e-6, unit="m/s", minimum=-8.0, maximum=8.0)]
+
+
+@message(0x200, sender="controller", receiver="plant")
+class ControllerTick(NamedTuple):
+    """First frame of the controller's answer: to which sample, how many frames, which mode.
+
+    tick: the plant's tick that this answers
+    frame_count: frames of this answer, this one included
+    mode: operating mode of the engine, for whoever watches the bus
+    """
+
+    tick: A[int, Signal("u32")]
+    frame_count: A[int, Signal("u3", minimum=1)]
+    mode: A[int, Signal("u3", values=OPERATING_MODES)]
+
+
+@message(0x201, sender="controller", receiver="plant")
+class MachineCommand(NamedTuple):
+    """What the linear machine is to do from the next tick on.
+
+    mode: off, motor or generator
+    force_n: motoring force, positive to the right head; 0 unless motoring
+    load_coefficient_n_s_m: braking force per velocity; 0 unless generating
+    throttle: opening, 1 is wide open
+    """
+
+    mode: A[int, Signal("u2", values=MACHINE_MODES)]
+    force_n: A[float, Signal("i20", scale=0.01, unit="N", minimum=-5000.0, maximum=5000.0)]
+    load_coefficient_n_s_m: A[
+        float, Signal("u20", scale=0.01, unit="N.s/m", minimum=0.0, maximum=10000.0)
+    ]
+    throttle: A[float, Signal("u8", scale=0.004, unit="1", minimum=0.0, maximum=1.0)]
+
+
+@message(0x202, sender="controller", receiver="plant", per_tick=2)
+class Pulse(NamedTuple):
+    """One TTL pulse, ahead of time: the line goes high at the opening and low when it is over.
+
+    channel: which TTL line
+    open_us: opening instant on the plant's clock, modulo 2^20
+    duration_us: how long the line stays high; an opening always carries its closing
+    """
+
+    channel: A[int, Signal("u4", values=CHANNELS)]
+    open_us: A[int, Signal("u20", unit="us")]
+    duration_us: A[int, Signal("u16", unit="us", minimum=1)]
+
+
+Message = PlantTick | PistonSample | ControllerTick | MachineCommand | Pulse

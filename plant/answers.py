@@ -1,0 +1,159 @@
+"""What the controller answers: batches to commands in the plant's terms, and when none come."""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from hil.ports import Link
+from hil.values import Value
+from hil.wire import pulses as wire
+from hil.wire.codec import Decoder, DecoderMemory
+from hil.wire.e2e import MAX_DELTA
+from hil.wire.messages import ControllerTick, MachineCommand, Message, Pulse
+from plant.engines.machine import MachineOrder
+from plant.rig.state import AS_BEFORE, Command
+
+_COMING_UP_NS: Final = 1_000_000_000
+"""For so long at the most the plant goes on as it began when nothing is heard."""
+
+
+@final
+class Answer(Value):
+    """What the controller's frames said: to which tick, and the batches they came in."""
+
+    __slots__ = ("tick", "command", "batches", "throttle")
+
+    def __init__(
+        self, tick: int, command: Command | None, batches: tuple[bytes, ...], throttle: float = 1.0
+    ) -> None:
+        self.tick = tick
+        self.command = command
+        self.batches = batches
+        self.throttle = throttle
+
+
+_NO_BATCHES: Final[tuple[bytes, ...]] = ()
+_NO_ANSWER: Final = Answer(-1, None, _NO_BATCHES)
+_NOT_YET: Final = Answer(-2, AS_BEFORE, _NO_BATCHES)
+"""Before the first answer nothing is missing: the plant goes on as it began."""
+
+
+@final
+class AnswersMemory(Value):
+    """All that the next answer's meaning depends on besides its bytes."""
+
+    __slots__ = (
+        "received", "first_tick", "used_tick", "answered", "answered_before", "peer_lost",
+        "silent_turns", "throttle",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        received: DecoderMemory,
+        first_tick: int,
+        used_tick: int,
+        answered: int,
+        answered_before: bool,
+        peer_lost: bool,
+        silent_turns: int,
+        throttle: float,
+    ) -> None:
+        self.received = received
+        self.first_tick = first_tick
+        self.used_tick = used_tick
+        self.answered = answered
+        self.answered_before = answered_before
+        self.peer_lost = peer_lost
+        self.silent_turns = silent_turns
+        self.throttle = throttle
+
+
+class Answers:
+    """The controller's end as the plant hears it."""
+
+    def __init__(self, link: Link, first_tick: int, period_ns: int) -> None:
+        self.decoder = Decoder("controller")
+        self.first_tick = first_tick
+        self.used_tick = -1
+        self.answered = 0
+        self.peer_lost = False
+        self._link = link
+        self._period_ns = period_ns
+        self._answered_before = False
+        self._silent_turns = 0
+        self._throttle = 1.0
+        # Commands repeat for many ticks: what they come to is worked out when they change.
+        self._said: tuple[MachineCommand | None, list[Pulse], int] = (None, [], -1)
+        self._command = AS_BEFORE
+
+    def understand(self, arrived: list[bytes], tick: int) -> Answer:
+        """Decode the answers that act from now on; of several the newest machine order counts."""
+        if not arrived:
+            return self._unanswered(tick)
+        self._silent_turns = 0
+        head, machine, pulses = _read(self.decoder.decode(arrived[0]))
+        for batch in arrived[1:]:
+            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            head, machine = next_head or head, next_machine or machine
+            pulses = wire.superseded(pulses, newer)
+        if head is None:
+            return Answer(-1, None, tuple(arrived))
+        self.peer_lost = False
+        self._answered_before = True
+        self.answered += 1
+        self.used_tick = head.tick
+        said = (machine, pulses, head.mode)
+        if said != self._said:
+            self._said, self._command = said, _commanded(machine, pulses, head.mode)
+            if machine is not None:
+                self._throttle = machine.throttle
+        return Answer(head.tick, self._command, tuple(arrived), self._throttle)
+
+    def _unanswered(self, tick: int) -> Answer:
+        """Nothing came: not yet, while the controller is coming up, or no more."""
+        self._silent_turns += 1
+        if self._silent_turns == MAX_DELTA:
+            self.decoder.forget_counters()
+        if self._answered_before or self.peer_lost or not self._link.peer_alive():
+            return _NO_ANSWER
+        waited_ns = (tick - self.first_tick) * self._period_ns
+        return _NOT_YET if waited_ns < _COMING_UP_NS else _NO_ANSWER
+
+    def remember(self) -> AnswersMemory:
+        """Return all that the next answer's meaning depends on."""
+        return AnswersMemory(
+            self.decoder.remember(), self.first_tick, self.used_tick, self.answered,
+            self._answered_before, self.peer_lost, self._silent_turns, self._throttle,
+        )  # fmt: skip
+
+    def recall(self, memory: AnswersMemory) -> None:
+        """Go on from what `remember` returned."""
+        self.decoder.recall(memory.received)
+        self.first_tick, self.used_tick = memory.first_tick, memory.used_tick
+        self.answered, self._answered_before = memory.answered, memory.answered_before
+        self.peer_lost, self._silent_turns = memory.peer_lost, memory.silent_turns
+        self._throttle = memory.throttle
+
+
+def _read(
+    messages: list[Message],
+) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
+    """Sort what one batch held; of what came through more than once the last counts."""
+    head, machine = None, None
+    pulses = []
+    for message in messages:
+        if type(message) is ControllerTick:
+            head = message
+        elif type(message) is MachineCommand:
+            machine = message
+        elif type(message) is Pulse:
+            pulses.append(message)
+    return head, machine, pulses
+
+
+def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -> Command:
+    """What the frames of one answer order, in the plant's own terms."""
+    order = None
+    if machine is not None:
+        order = MachineOrder(machine.mode, machine.force_n, machine.load_coefficient_n_s_m)
+    return Command(order, wire.orders_of(pulses), wire.may_fire(mode))

@@ -1,0 +1,145 @@
+"""What becomes of a charge: whether it burns, and what the engine is told of it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hil.values import replace
+from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
+from plant.rig import actuation, disturbances
+from plant.rig.disturbances import Disturbances, Due, Held
+from plant.rig.events import MISFIRE, Event
+from plant.rig.params import PlantParams
+from plant.rig.randoms import EFFICIENCY, uniform
+from plant.rig.state import PlantState
+
+LEFT: Final = 0
+RIGHT: Final = 1
+SIDES: Final = ("left", "right")
+
+
+def efficiency(p: PlantParams, bounds: tuple[float, float] | None, index: int) -> float:
+    """Draw the efficiency of the combustion at dead centre `index`; 1 when undisturbed."""
+    if bounds is None:
+        return 1.0
+    low, high = bounds
+    return low + (high - low) * uniform(p.seed, EFFICIENCY, index)
+
+
+def at_dead_centre(
+    p: PlantParams, s: PlantState, stop: Stop, number: int, events: list[Event]
+) -> tuple[PlantState, Charge]:
+    """Decide on the charge of the head that the piston is at, then scavenge it."""
+    side = RIGHT if s.stroke.direction > 0 else LEFT
+    if p.engine.ignition == BY_SPARK:
+        return _lit(p, s, stop, side, events)
+    pulses = actuation.advance(s.pulses, p.injector, stop.t_ns)
+    fuel_kg = actuation.fuel_until(pulses, p.injector, side, stop.t_ns)
+    spark_ns = pulses.spark_ns[side]
+    d, cause = disturbances.take_misfire(s.disturbances)
+    reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, stop)
+    goes_on = p.engine.every_stroke and s.stroke.charge.fuel_kg > 0.0
+    if reason and (cause or fuel_kg > 0.0 or spark_ns >= 0 or goes_on):
+        events.append(Event(round(stop.t_ns), MISFIRE, f"{SIDES[side]}: {reason}"))
+    pulses = actuation.scavenge(pulses, p.injector, side, stop.t_ns)
+    s = replace(s, pulses=pulses, disturbances=d)
+    if reason:
+        return s, NO_CHARGE
+    return s, Charge(fuel_kg, efficiency(p, d.efficiency, number))
+
+
+def _lit(
+    p: PlantParams, s: PlantState, stop: Stop, side: int, events: list[Event]
+) -> tuple[PlantState, Charge]:
+    """Return the charge that a spark has lit; what was not lit leaves with the exhaust."""
+    t_ns, pulses, charge = round(stop.t_ns), s.pulses, s.lit
+    if charge.fuel_kg == 0.0 and pulses.spark_ns[side] < 0:
+        fuel = actuation.fuel_until(pulses, p.injector, side, t_ns)
+        if fuel > 0.0:
+            events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: no spark"))
+    pulses = actuation.scavenge(pulses, p.injector, side, t_ns)
+    return replace(s, pulses=pulses, lit=NO_CHARGE), charge
+
+
+def _objection(p: PlantParams, fuel_kg: float, spark_ns: int, stop: Stop) -> str:
+    """Tell why a charge does not burn at the dead centre; an empty string when it does."""
+    reason = _objection_to_fuel(p, fuel_kg)
+    if fuel_kg > 0.0 and not stop.compressed:
+        reason = "no compression"
+    if reason:
+        return reason
+    if spark_ns < 0:
+        return "no spark"
+    if stop.burnt is not None:
+        return "" if stop.burnt else "not burnt by the unit"
+    early_ns = stop.t_ns - spark_ns
+    if early_ns > p.spark_window_ns:
+        return f"early spark ({early_ns * 1e-6:.3f} ms before the dead centre)"
+    return ""
+
+
+def _objection_to_fuel(p: PlantParams, fuel_kg: float) -> str:
+    if fuel_kg <= 0.0:
+        return "no fuel"
+    if not p.fuel_min_kg <= fuel_kg <= p.fuel_max_kg:
+        return f"fuel out of range ({fuel_kg * 1e6:.4f} mg)"
+    return ""
+
+
+def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> PlantState:
+    """Light the charge of a side, or say why it does not burn."""
+    t_ns = s.pulses.spark_ns[side]
+    fuel = actuation.fuel_until(s.pulses, p.injector, side, t_ns)
+    d, cause = disturbances.take_misfire(s.disturbances)
+    eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
+    motion, lit = s.motion, s.lit
+    reason = f"forced, no {cause}" if cause else _objection_to_spark(p, s, side, fuel)
+    if not reason:
+        motion, reason = p.engine.light(motion, side, t_ns, eta * fuel)
+    if reason:
+        events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
+    else:
+        lit = Charge(fuel, eta)
+    pulses = actuation.scavenge(s.pulses, p.injector, side, t_ns)
+    pulses = replace(pulses, spark_ns=s.pulses.spark_ns)  # this one is known: no charge goes unlit
+    return replace(s, motion=motion, pulses=pulses, disturbances=d, lit=lit)
+
+
+def _objection_to_spark(p: PlantParams, s: PlantState, side: int, fuel: float) -> str:
+    """Tell why a charge does not burn at its spark; an empty string when it does."""
+    late = (side == RIGHT) != (s.stroke.direction > 0)
+    return _objection_to_fuel(p, fuel) or ("late spark" if late else "")
+
+
+def ahead(
+    p: PlantParams, s: PlantState, until_ns: int
+) -> tuple[tuple[float, float], tuple[int, int]]:
+    """Return both charges as they will be by then, for an engine that burns them of its own.
+
+    A charge out of range is no charge. A forced misfire holds back spark or fuel; a varying
+    efficiency scales the fuel, for E is proportional to both (thesis eq. 5.36).
+    """
+    d = preview(p, s.disturbances, until_ns)
+    pulses = s.pulses
+    if pulses.table.next_edge_ns <= until_ns:
+        pulses = actuation.advance(pulses, p.injector, until_ns)
+    eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
+    fuels, sparks = [], []
+    for side in (LEFT, RIGHT):
+        fuel = actuation.fuel_until(pulses, p.injector, side, until_ns)
+        burns = p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires
+        fuels.append(eta * fuel if burns else 0.0)
+        sparks.append(pulses.spark_ns[side] if burns else -1)
+    return (fuels[LEFT], fuels[RIGHT]), (sparks[LEFT], sparks[RIGHT])
+
+
+def preview(p: PlantParams, d: Disturbances, until_ns: int) -> Disturbances:
+    """Disturbances as they are at a dead centre before `until_ns`, if one should come."""
+    if d.next_edge >= len(p.edges) or p.edges[d.next_edge].at_ns > until_ns:
+        return d
+    d, taken = disturbances.start_stroke(p.edges, d, until_ns, 0.0)
+    for edge in taken:
+        if edge.fraction == 0.0:
+            due = Due(0.0, edge.event, edge.begins)
+            d = disturbances.apply(p.events, d, due, Held(0.0, 0.0))
+    return d

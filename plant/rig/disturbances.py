@@ -1,0 +1,191 @@
+"""Disturbances: what the scenario does to the engine, and when (thesis section 5.3).
+
+An edge waits for the first stroke that starts at or after its time. There it becomes due: at
+once, or after a fraction of the duration which that stroke would have if left alone.
+"""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from hil.config.plant import (
+    EfficiencyEvent,
+    LoadScaleEvent,
+    MisfireEvent,
+    PlantEvent,
+    SensorFaultEvent,
+)
+from hil.values import Value, replace
+
+LOAD_SCALE: Final = 1
+EFFICIENCY: Final = 2
+MISFIRE: Final = 4
+SENSOR_FAULT: Final = 8
+
+_NEVER: Final = float("inf")
+
+
+@final
+class Edge(Value):
+    """The beginning or the end of one event."""
+
+    __slots__ = ("at_ns", "fraction", "event", "begins")
+
+    def __init__(self, at_ns: int, fraction: float, event: int, begins: bool) -> None:
+        self.at_ns = at_ns
+        self.fraction = fraction
+        self.event = event
+        self.begins = begins
+
+
+@final
+class Due(Value):
+    """An edge with its instant, in seconds from the start of the stroke under way."""
+
+    __slots__ = ("tau_s", "event", "begins")
+
+    def __init__(self, tau_s: float, event: int, begins: bool) -> None:
+        self.tau_s = tau_s
+        self.event = event
+        self.begins = begins
+
+
+@final
+class Held(Value):
+    """The piston as last sampled before a fault began."""
+
+    __slots__ = ("x_m", "v_m_s")
+
+    def __init__(self, x_m: float, v_m_s: float) -> None:
+        self.x_m = x_m
+        self.v_m_s = v_m_s
+
+
+@final
+class Disturbances(Value):
+    """What is in force and what is still to come."""
+
+    __slots__ = (
+        "next_edge", "due", "due_s", "active", "load_scale", "efficiency", "misfires",
+        "misfire_cause", "misfired", "faults",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        next_edge: int = 0,
+        due: tuple[Due, ...] = (),
+        due_s: float = _NEVER,
+        active: tuple[int, ...] = (),
+        load_scale: float = 1.0,
+        efficiency: tuple[float, float] | None = None,
+        misfires: int = 0,
+        misfire_cause: str = "",
+        misfired: bool = False,
+        faults: tuple[tuple[int, Held], ...] = (),
+    ) -> None:
+        self.next_edge = next_edge
+        self.due = due
+        self.due_s = due_s
+        self.active = active
+        self.load_scale = load_scale
+        self.efficiency = efficiency
+        self.misfires = misfires
+        self.misfire_cause = misfire_cause
+        self.misfired = misfired
+        self.faults = faults
+
+    @property
+    def mask(self) -> int:
+        """Bits: 1 load scaled, 2 efficiency varies, 4 misfire forced, 8 sensor fault."""
+        return (
+            (LOAD_SCALE if self.load_scale != 1.0 else 0)
+            | (EFFICIENCY if self.efficiency is not None else 0)
+            | (MISFIRE if self.misfired else 0)
+            | (SENSOR_FAULT if self.faults else 0)
+        )
+
+
+def compile_edges(events: tuple[PlantEvent, ...]) -> tuple[Edge, ...]:
+    """Turn events into edges in order of time; ends come before beginnings."""
+    edges = []
+    for index, event in enumerate(events):
+        fraction = event.at_stroke_fraction
+        edges.append(Edge(_ns(event.at_s), fraction, index, True))
+        until_s = getattr(event, "until_s", None)
+        if until_s is not None:
+            edges.append(Edge(_ns(until_s), fraction, index, False))
+    return tuple(sorted(edges, key=lambda edge: (edge.at_ns, edge.begins, edge.event)))
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def start_stroke(
+    edges: tuple[Edge, ...], state: Disturbances, t_ns: int, elapsed_s: float
+) -> tuple[Disturbances, tuple[Edge, ...]]:
+    """Count the dues from the new stroke, and take the edges that this stroke is the first for.
+
+    Parameters: elapsed_s : float, duration of the stroke that has just ended [s]
+    """
+    last = state.next_edge
+    while last < len(edges) and edges[last].at_ns <= t_ns:
+        last += 1
+    taken = edges[state.next_edge : last]
+    due = tuple(Due(max(d.tau_s - elapsed_s, 0.0), d.event, d.begins) for d in state.due)
+    return replace(state, next_edge=last, due=due, due_s=_first(due)), taken
+
+
+def put(state: Disturbances, due: Due) -> Disturbances:
+    """Enter an edge at its instant."""
+    entries = tuple(sorted((*state.due, due), key=lambda d: d.tau_s))
+    return replace(state, due=entries, due_s=_first(entries))
+
+
+def pop(state: Disturbances) -> tuple[Disturbances, Due]:
+    """Take the edge that is due first."""
+    rest = state.due[1:]
+    return replace(state, due=rest, due_s=_first(rest)), state.due[0]
+
+
+def _first(due: tuple[Due, ...]) -> float:
+    return due[0].tau_s if due else _NEVER
+
+
+def apply(
+    events: tuple[PlantEvent, ...], state: Disturbances, due: Due, held: Held
+) -> Disturbances:
+    """Begin or end one event; among events of a kind the one begun last counts."""
+    event = events[due.event]
+    if isinstance(event, MisfireEvent):
+        return replace(state, misfires=state.misfires + event.count, misfire_cause=event.cause)
+    if isinstance(event, SensorFaultEvent):
+        return _apply_fault(event, state, due, held)
+    active = tuple(index for index in state.active if index != due.event)
+    if due.begins:
+        active = (*active, due.event)
+    scale, efficiency = 1.0, None
+    for index in active:
+        current = events[index]
+        if isinstance(current, LoadScaleEvent):
+            scale = current.value
+        elif isinstance(current, EfficiencyEvent):
+            efficiency = (current.low, current.high)
+    return replace(state, active=active, load_scale=scale, efficiency=efficiency)
+
+
+def _apply_fault(
+    event: SensorFaultEvent, state: Disturbances, due: Due, held: Held
+) -> Disturbances:
+    faults = tuple(fault for fault in state.faults if fault[0] != due.event)
+    if not due.begins:
+        return replace(state, faults=faults)
+    state = replace(state, faults=(*faults, (due.event, held)))
+    return put(state, Due(due.tau_s + event.duration_s, due.event, False))
+
+
+def take_misfire(state: Disturbances) -> tuple[Disturbances, str]:
+    """Use up one forced misfire, if there is one: its cause, or an empty string."""
+    if not state.misfires:
+        return (replace(state, misfired=False) if state.misfired else state), ""
+    return replace(state, misfires=state.misfires - 1, misfired=True), state.misfire_cause

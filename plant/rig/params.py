@@ -1,0 +1,112 @@
+"""The rig's constants, flattened once from the configuration for use in every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, final
+
+from hil.config.plant import PlantConfig, PlantEvent, SensorConfig
+from hil.errors import ConfigError
+from hil.values import Value
+from plant.engines.protocol import Engine
+from plant.rig.actuation import Injector
+from plant.rig.disturbances import Edge, compile_edges
+
+SECOND_NS: Final = 1_000_000_000
+
+# No combustion may be lost to the last digit of a fuel mass at the edge of the range.
+_FUEL_TOLERANCE_KG: Final = 0.5e-9
+
+
+@final
+class PlantParams(Value):
+    """Everything constant in a run; `names`, `events` and `edges` are the disturbances."""
+
+    __slots__ = (
+        "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m", "peak_force_n",
+        "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors", "noisy", "seed",
+        "names", "events", "edges", "delay_ticks",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        engine: Engine,
+        dt_s: float,
+        period_ns: int,
+        stale_ticks: int,
+        load_coefficient_n_s_m: float,
+        peak_force_n: float,
+        spark_window_ns: float,
+        injector: Injector,
+        fuel_min_kg: float,
+        fuel_max_kg: float,
+        sensors: SensorConfig,
+        noisy: bool,
+        seed: int,
+        names: tuple[str, ...],
+        events: tuple[PlantEvent, ...],
+        edges: tuple[Edge, ...],
+        delay_ticks: int,
+    ) -> None:
+        self.engine = engine
+        self.dt_s = dt_s
+        self.period_ns = period_ns
+        self.stale_ticks = stale_ticks
+        self.load_coefficient_n_s_m = load_coefficient_n_s_m
+        self.peak_force_n = peak_force_n
+        self.spark_window_ns = spark_window_ns
+        self.injector = injector
+        self.fuel_min_kg = fuel_min_kg
+        self.fuel_max_kg = fuel_max_kg
+        self.sensors = sensors
+        self.noisy = noisy
+        self.seed = seed
+        self.names = names
+        self.events = events
+        self.edges = edges
+        self.delay_ticks = delay_ticks
+
+
+def checked_period_ns(period_ns: int) -> int:
+    """Return the period.
+
+    Raises: ConfigError when it is outside 10 us to 10 ms
+    """
+    if not 10_000 <= period_ns <= 10_000_000:
+        raise ConfigError(f"plant period {period_ns} ns is outside 10000 to 10000000 ns")
+    return period_ns
+
+
+def rig_params(
+    config: PlantConfig,
+    engine: Engine,
+    period_ns: int,
+    seed: int,
+    events: Mapping[str, PlantEvent],
+) -> PlantParams:
+    """Flatten a configuration around an engine that is built."""
+    prototype = config.resolved_prototype()
+    injector = config.injector
+    flow = injector.static_flow_kg_s
+    return PlantParams(
+        engine=engine,
+        dt_s=period_ns / SECOND_NS,
+        period_ns=period_ns,
+        stale_ticks=config.stale_ticks,
+        load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
+        peak_force_n=prototype.peak_force_n,
+        spark_window_ns=config.spark_window_s * SECOND_NS,
+        injector=Injector(
+            (flow * injector.flow_scale_left, flow * injector.flow_scale_right),
+            injector.dead_time_s * SECOND_NS,
+        ),
+        fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
+        fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
+        sensors=config.sensors,
+        noisy=any(config.sensors.model_dump().values()),
+        seed=seed,
+        names=tuple(events),
+        events=tuple(events.values()),
+        edges=compile_edges(tuple(events.values())),
+        delay_ticks=config.command_delay_ticks,
+    )

@@ -1,0 +1,124 @@
+"""The plant's whole state as a value: copy it, compare it, step it again."""
+
+from __future__ import annotations
+
+from typing import Final, final
+
+from hil.values import Value
+from hil.wire.pulses import PulseOrder
+from plant.engines.machine import Machine, MachineOrder
+from plant.engines.protocol import Charge, Motion
+from plant.rig.actuation import Actuation
+from plant.rig.disturbances import Disturbances
+
+
+@final
+class Command(Value):
+    """What one tick's valid frames said; `may_fire` false forces all TTL lines low."""
+
+    __slots__ = ("machine", "pulses", "may_fire")
+
+    def __init__(
+        self,
+        machine: MachineOrder | None = None,
+        pulses: tuple[PulseOrder, ...] = (),
+        may_fire: bool = True,
+    ) -> None:
+        self.machine = machine
+        self.pulses = pulses
+        self.may_fire = may_fire
+
+
+AS_BEFORE: Final = Command()
+"""An answer that orders nothing new."""
+
+
+@final
+class Stroke(Value):
+    """The stroke under way; `number` counts dead centres."""
+
+    __slots__ = ("number", "direction", "start_ns", "start_x_m", "charge")
+
+    def __init__(
+        self, number: int, direction: int, start_ns: int, start_x_m: float, charge: Charge
+    ) -> None:
+        self.number = number
+        self.direction = direction
+        self.start_ns = start_ns
+        self.start_x_m = start_x_m
+        self.charge = charge
+
+
+@final
+class DeadCentre(Value):
+    """The last dead centre exactly; number 0 means that there was none yet.
+
+    `fuel_kg` is what burnt there, nought after a misfire.
+    """
+
+    __slots__ = ("number", "t_ns", "x_m", "fuel_kg", "efficiency")
+
+    def __init__(
+        self, number: int, t_ns: int, x_m: float, fuel_kg: float, efficiency: float
+    ) -> None:
+        self.number = number
+        self.t_ns = t_ns
+        self.x_m = x_m
+        self.fuel_kg = fuel_kg
+        self.efficiency = efficiency
+
+
+@final
+class PlantState(Value):
+    """The truth at the start of a tick.
+
+    lit: the charge that a spark has lit in this stroke, for engines that burn before the dead
+        centre
+    waiting: commands that have arrived and do not act yet, the oldest first
+    """
+
+    __slots__ = (
+        "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
+        "stale", "contacts", "waiting",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        tick: int,
+        motion: Motion,
+        stroke: Stroke,
+        machine: Machine,
+        pulses: Actuation,
+        disturbances: Disturbances,
+        dead_centre: DeadCentre,
+        lit: Charge,
+        stale: int,
+        contacts: int,
+        waiting: tuple[Command | None, ...],
+    ) -> None:
+        self.tick = tick
+        self.motion = motion
+        self.stroke = stroke
+        self.machine = machine
+        self.pulses = pulses
+        self.disturbances = disturbances
+        self.dead_centre = dead_centre
+        self.lit = lit
+        self.stale = stale
+        self.contacts = contacts
+        self.waiting = waiting
+
+    @property
+    def x_m(self) -> float:
+        """Position from mid-stroke, positive to the right head."""
+        return self.motion.x_m
+
+    @property
+    def v_m_s(self) -> float:
+        """Velocity, positive to the right head."""
+        return self.motion.v_m_s
+
+    @property
+    def moving(self) -> bool:
+        """Whether the piston is in motion."""
+        return self.motion.moving

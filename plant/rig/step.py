@@ -1,0 +1,129 @@
+"""One tick of the plant: orders taken, motion solved, every instant inside it honoured.
+
+step(params, state, command) -> (state, events), whatever the engine. An ordinary tick is one
+evaluation of a closed form; a tick with an edge, a dead centre or a contact inside goes through
+`_busy_tick`, as does every tick of an engine that has no closed form.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hil.values import replace
+from hil.wire.messages import VALVES
+from plant.engines.machine import Machine
+from plant.engines.protocol import BY_SPARK, OF_ITS_OWN, Ahead, Inputs, Moved
+from plant.rig import actuation, charges, orders
+from plant.rig.actuation import Actuation
+from plant.rig.disturbances import Held
+from plant.rig.events import Event
+from plant.rig.params import PlantParams
+from plant.rig.state import Command, PlantState
+from plant.rig.stroke import act, end_stroke, moved, take_due
+
+_NO_VALVES: Final[tuple[int, ...]] = ()
+_NO_FUEL: Final = (0.0, 0.0)
+_NO_SPARK: Final = (-1, -1)
+
+Events = tuple[Event, ...]
+
+
+def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantState, Events]:
+    """Integrate exactly one tick with the command now in force.
+
+    Parameters: command : Command, or None for a tick without a valid one
+    Returns: the state at the start of the next tick, and what happened in this one, in order
+    """
+    events: list[Event] = []
+    if p.delay_ticks:
+        s, command = orders.delayed(p, s, command)
+    before = s.machine
+    s = orders.follow(p, s, command, events)
+    if s.machine is not before and _differ(s.machine, before):
+        s = act(p, s, s.tick * p.period_ns, events)
+    due_s = s.motion.tau_s + p.dt_s
+    if due_s < s.disturbances.due_s and s.pulses.table.next_edge_ns > (s.tick + 1) * p.period_ns:
+        motion = p.engine.coast(s.motion, p.dt_s)
+        if motion is not None:
+            return PlantState(
+                s.tick + 1, motion, s.stroke, s.machine, s.pulses, s.disturbances, s.dead_centre,
+                s.lit, s.stale, s.contacts, s.waiting,
+            ), tuple(events)  # fmt: skip
+    return _busy_tick(p, s, events), tuple(events)
+
+
+def _differ(a: Machine, b: Machine) -> bool:
+    return a.load_coefficient_n_s_m != b.load_coefficient_n_s_m or a.force_n != b.force_n
+
+
+def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Move through a tick from one instant of note to the next."""
+    held = Held(s.x_m, s.v_m_s)
+    now_ns = float(s.tick * p.period_ns)
+    used_s, part, at_end = 0.0, 0, False
+    while not at_end:
+        ahead = _ahead(p, s, now_ns, used_s, part)
+        it = p.engine.advance(s.motion, _inputs(p, s, ahead), ahead)
+        s = _arrive(p, s, it, held, events)
+        now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
+    end_ns = (s.tick + 1) * p.period_ns
+    pulses = actuation.advance(s.pulses, p.injector, end_ns)
+    return replace(s, tick=s.tick + 1, pulses=pulses)
+
+
+def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: int) -> Ahead:
+    """See what lies ahead in this tick."""
+    start_ns = s.tick * p.period_ns
+    end_ns = until_ns = start_ns + p.period_ns
+    due_s = s.disturbances.due_s
+    due_ns = s.stroke.start_ns + due_s * 1e9
+    if p.engine.splits and now_ns < due_ns < end_ns:
+        until_ns = min(max(round(due_ns), round(now_ns) + 1), end_ns)
+    return Ahead(
+        start_ns=start_ns, end_ns=end_ns, dt_s=p.dt_s, now_ns=now_ns, used_s=used_s,
+        until_ns=until_ns, edge_ns=s.pulses.table.next_edge_ns, due_s=due_s, due_ns=due_ns,
+        stroke_ns=s.stroke.start_ns, part=part,
+    )  # fmt: skip
+
+
+def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
+    """What this engine is told for its next part of the tick."""
+    if p.engine.ignition == OF_ITS_OWN:
+        fuel_kg, spark_ns = charges.ahead(p, s, ahead.until_ns)
+        return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
+    valves = _levels(s.pulses) if p.engine.ignition == BY_SPARK else _NO_VALVES
+    return Inputs(s.machine, valves, _NO_FUEL, _NO_SPARK)
+
+
+def _levels(pulses: Actuation) -> tuple[int, ...]:
+    """Level of each valve line, -1 before its first pulse."""
+    levels = []
+    for line in pulses.table.lines[VALVES[0] :]:
+        used = line.open is not None or line.last is not None
+        levels.append(int(line.open is not None) if used else -1)
+    return tuple(levels)
+
+
+def _arrive(
+    p: PlantParams, s: PlantState, it: Moved, held: Held, events: list[Event]
+) -> PlantState:
+    """Do what there is to be done where the engine has come to."""
+    if it.stop is not None:
+        return end_stroke(p, s, it.motion, it.stop, round(it.t_ns), held, events)
+    s = moved(p, s, it.motion, round(it.t_ns), events)
+    if it.at_edge:
+        s = _pass_edge(p, s, events)
+    if it.at_due:
+        s = take_due(p, s, round(it.t_ns), held, events)
+    return s
+
+
+def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
+    """Let the lines change their levels; a spark lights its charge at once."""
+    before = s.pulses.spark_ns
+    pulses = actuation.advance(s.pulses, p.injector, s.pulses.table.next_edge_ns)
+    s = replace(s, pulses=pulses)
+    for side in (charges.LEFT, charges.RIGHT):
+        if pulses.spark_ns[side] > before[side]:
+            s = charges.spark(p, s, side, events)
+    return s
