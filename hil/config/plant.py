@@ -22,8 +22,10 @@ FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
 DETAILED_MODELS = tuple(dict.fromkeys(model for name in PROTOTYPES for model in model_files(name)))
 """Models of the gas in full: compiled, with a calibration of their own."""
 
-OwnModel = Annotated[str, OneOf((*FAST_MODELS, *DETAILED_MODELS))]
-Model = Annotated[str, OneOf((*FAST_MODELS, *DETAILED_MODELS, "fmu"))]
+OWN_MODELS = (*FAST_MODELS, *DETAILED_MODELS)
+OwnModel = Annotated[str, OneOf(OWN_MODELS)]
+Model = Annotated[str, OneOf((*OWN_MODELS, "fmu"))]
+
 _FMU = "fmu:"
 
 Second = Annotated[float, Field(ge=0.0, le=1.0e6)]
