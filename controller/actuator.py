@@ -7,6 +7,7 @@ from typing import Final, final
 from controller.mode.start_restart import Mode
 from controller.timing.plan import PlannedPulse
 from hil.values import Value
+from hil.wire.fields import layout_of
 from hil.wire.messages import (
     GENERATOR,
     MOTOR,
@@ -18,7 +19,7 @@ from hil.wire.messages import (
 )
 from hil.wire.pulses import wrap_us
 
-MAX_PULSES: Final = 2
+MAX_PULSES: Final = layout_of(Pulse).per_tick
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
 
 

@@ -21,12 +21,8 @@ from hil.config.prototypes import PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
+from hil.values import NEVER
 from hil.wire.commands import CONTROLLER, OperatorCommand
-
-STATUS_HZ: Final = 10
-SNAPSHOT_HZ: Final = 4
-NEVER_NS: Final = 1 << 62
-"""Longer than any run."""
 
 SAMPLE_PATIENCE_PERIODS: Final = 1.5
 """How long a sample may be late before its tick is stepped without it."""
@@ -45,7 +41,7 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
         stale_ticks=limits.stale_ticks,
         misfires=limits.misfires,
-        motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER_NS,
+        motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
     )
     full_load = supervisory.full_load(config, engine)
     return Params(config, engine, period_ns, bounds, full_load, stroke_map)
@@ -115,11 +111,10 @@ def make_loop(
     Raises: ConfigError when there is no such law, or it cannot work
     """
     check_names(scenario)
-    rate_hz = scenario.loop.rate_hz
     params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
     return ControllerLoop(
         params, initial_state(params), ports=ports, pacer=pacer or make_pacer(scenario),
         recorder=recorder, schedule=schedule_of(scenario),
-        status_every=max(rate_hz // STATUS_HZ, 1), peer_timeout_s=scenario.loop.peer_timeout_s,
-        snapshot_every=max(rate_hz // SNAPSHOT_HZ, 1),
+        status_every=scenario.loop.status_every, peer_timeout_s=scenario.loop.peer_timeout_s,
+        snapshot_every=scenario.loop.snapshot_every,
     )  # fmt: skip

@@ -17,13 +17,12 @@ from hil.errors import ConfigError
 from hil.log import topics
 from hil.pacing import Pacer
 from hil.ports import Ports, Recorder
-from hil.values import Value
+from hil.values import NEVER, Value
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand, parse
 from hil.wire.status import ControllerStatus
 
 _COMMAND_EVERY: Final = 10
-_NEVER: Final = 1 << 62
 
 
 @final
@@ -65,7 +64,7 @@ class ControllerLoop:
         self._put = recorder.put
         self._schedule = schedule
         self._status_every = status_every
-        self._snapshot_every = snapshot_every or _NEVER
+        self._snapshot_every = snapshot_every or NEVER
         self._heard = b""  # records of what was heard on the command key
         self._finished: StrokeReport | None = None  # the last stroke that could fire
 

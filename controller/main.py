@@ -23,9 +23,10 @@ from drivers.system.process import (
     read_arguments,
 )
 from drivers.system.realtime import pin, prepare
-from drivers.system.service import ENDLESS, Service
+from drivers.system.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
+from hil.values import NEVER
 
 
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
@@ -75,7 +76,7 @@ def _follow(
     """Follow the plant to the end of the run; as a service, for as long as it runs."""
     link, last_tick = connection.link, round(scenario.run.duration_s * scenario.loop.rate_hz) - 1
     if duty is not None:
-        follow_in_real_time(loop, link, patience_ns, ENDLESS, stop, duty)
+        follow_in_real_time(loop, link, patience_ns, NEVER, stop, duty)
     elif scenario.loop.clock == "realtime":
         follow_in_real_time(loop, link, patience_ns, last_tick, stop)
     else:

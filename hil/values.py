@@ -8,9 +8,12 @@ Where `Value` is compiled, others may derive from it all the same; that costs no
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from mypy_extensions import mypyc_attr
+
+NEVER: Final = 1 << 62
+"""A tick that does not come, or an instant [ns]."""
 
 _ValueT = TypeVar("_ValueT", bound="Value")
 

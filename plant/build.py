@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
 
 from hil.config.plant import PlantConfig
 from hil.config.resolved import Resolved
@@ -16,9 +15,6 @@ from plant.rig.beginning import initial_state
 from plant.rig.events import Event
 from plant.rig.params import PlantParams, checked_period_ns, rig_params
 from plant.rig.state import PlantState
-
-STATUS_HZ: Final = 10
-SNAPSHOT_HZ: Final = 4
 
 
 def plant_params(
@@ -78,16 +74,6 @@ def make_loop(
     return PlantLoop(
         params, state, events, link=ports.link, pacer=pacer or make_pacer(scenario),
         recorder=recorder, status=ports.status, commands=ports.commands,
-        status_every=max(scenario.loop.rate_hz // STATUS_HZ, 1),
-        snapshot_every=snapshot_every(scenario),
+        status_every=scenario.loop.status_every,
+        snapshot_every=scenario.loop.snapshot_every,
     )  # fmt: skip
-
-
-def snapshot_every(scenario: Resolved) -> int:
-    """How many ticks lie between two snapshots."""
-    return max(scenario.loop.rate_hz // SNAPSHOT_HZ, 1)
-
-
-def ticks_of(scenario: Resolved) -> int:
-    """How many ticks the run has."""
-    return round(scenario.run.duration_s * scenario.loop.rate_hz)

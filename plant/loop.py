@@ -13,9 +13,10 @@ from hil.exchange import await_batch
 from hil.log import topics
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.values import NEVER
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.fields import most_of
-from hil.wire.messages import SLOW_SIGNALS, PistonSample, PlantTick
+from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, SLOW_ORDER, PistonSample, PlantTick
 from hil.wire.status import PlantStatus
 from plant import faults
 from plant.answers import Answer, Answers
@@ -28,9 +29,6 @@ from plant.rig.step import step
 from plant.sensors import sample, sensed
 
 _NAN: Final = float("nan")
-_NEVER: Final = 1 << 62
-_POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
-_SLOW_ORDER: Final = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
 _X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
 _POWER_MOST = most_of(PlantTick, "electric_power_w")
 _P_MOST = most_of(PlantTick, "p_left_pa")
@@ -67,7 +65,7 @@ class PlantLoop:
         self._status_every = status_every
         self._encoder = Encoder()
         self._initial_events = events
-        self._snapshot_every = snapshot_every or _NEVER
+        self._snapshot_every = snapshot_every or NEVER
         self._commands = commands
         self._heard = b""
         self._ordered_faults: tuple[Ordered, ...] = ()
@@ -138,14 +136,14 @@ class PlantLoop:
         seen, slowly = sample(self.params, state), sensed(self.params, state)
         x_m, v_m_s = seen.x_m, seen.v_m_s
         power, left, right = slowly.electric_power_w, slowly.p_left_pa, slowly.p_right_pa
-        slow = _SLOW_ORDER[tick & 3]
+        slow = SLOW_ORDER[tick & 3]
         head = PlantTick(
             tick & 0xFFFFFFFF,
             2,
             slow,
-            _within(power, _POWER_MOST) if slow == _POWER else _NAN,
-            _within(left, _P_MOST) if slow == _P_LEFT else _NAN,
-            _within(right, _P_MOST) if slow == _P_RIGHT else _NAN,
+            _within(power, _POWER_MOST) if slow == ELECTRIC_POWER else _NAN,
+            _within(left, _P_MOST) if slow == P_LEFT else _NAN,
+            _within(right, _P_MOST) if slow == P_RIGHT else _NAN,
         )
         body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST))
         return Measured(x_m, v_m_s, left, right, power, self._encoder.encode((head, body)))

@@ -18,10 +18,11 @@ from drivers.system.process import (
     read_arguments,
 )
 from drivers.system.realtime import pin, prepare
-from drivers.system.service import ENDLESS, Heart, Service
+from drivers.system.service import Heart, Service
 from hil import snapshot
 from hil.config.resolved import Resolved
-from plant.build import make_loop, make_pacer, ticks_of
+from hil.values import NEVER
+from plant.build import make_loop, make_pacer
 from plant.loop import PlantLoop
 from plant.status import describe, facts, raise_if_lost
 
@@ -45,7 +46,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         note_granted(recorder, scenario, granted)
         wait_for_controller(scenario, connection, stop, service)
         heart = Heart() if service is None else service.heart
-        ticks = ticks_of(scenario) if service is None else ENDLESS
+        ticks = scenario.ticks if service is None else NEVER
         snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         effort = Effort(recorder)
         tick = turn_until(loop, ticks, stop, heart)

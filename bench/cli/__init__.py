@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -13,6 +13,7 @@ from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Assignments
 from bench.interrupt import EXIT_CODE, is_interrupt, told
+from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
     name="hil",
@@ -25,14 +26,14 @@ app = typer.Typer(
 )
 
 LinkOption = Annotated[
-    Literal["zenoh", "can", "memory", "shm"] | None,
+    LinkName | None,
     typer.Option(help="How plant and controller are joined."),
 ]
 BusOption = Annotated[
     str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
 ]
 ClockOption = Annotated[
-    Literal["lockstep", "realtime"] | None,
+    ClockName | None,
     typer.Option(help="In real time, or as fast as both can."),
 ]
 

@@ -33,9 +33,9 @@ def export(
     needs none of them.
     """
     from bench.fmu.export import export as write
+    from hil.config.prototypes import engine_with
 
-    engine = prototype or ("bit" if model == "starting" else "nu")
-    made = write(out, model, engine, int(fmi))
+    made = write(out, model, prototype or engine_with(model), int(fmi))
     print(f"{made.path}: FMI {fmi}.0, {made.platform}, {made.variables} variables")
 
 

@@ -84,7 +84,7 @@ def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
         assert isinstance(plant_end.link, MemoryLink)
         plant_end.link.on_send = turn_of(mind, controller_end.link)
         waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
-        tick, ticks = 0, plant.build.ticks_of(scenario)
+        tick, ticks = 0, scenario.ticks
         while tick < ticks:
             while waiting and waiting[-1].at_s * scenario.loop.rate_hz <= tick:
                 _give(waiting.pop(), (plant_end, controller_end))

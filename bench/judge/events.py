@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 from controller.build import schedule_of
 from hil.config.resolved import Resolved
-from hil.log import Log
+from hil.log import Log, topics
 from hil.wire.commands import CONTROLLER
 
-SEVERITIES = ("info", "warning", "fault")
 _MAX_KEPT = 2000
 _REFUSED = "command-refused"
 _JUDGED = ("disturbance", "mode ", _REFUSED)
@@ -64,7 +63,7 @@ def read_happenings(logs: dict[str, Log]) -> Happenings:
                 left_out += 1
                 continue
             kept += 1
-            severity = SEVERITIES[min(record.severity, len(SEVERITIES) - 1)]
+            severity = topics.SEVERITIES[min(record.severity, topics.FAULT)]
             lines.append(Happening(record.t_ns, source, severity, record.code, record.text))
     return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
 

@@ -41,7 +41,7 @@ def overview(data: RunData, traces: Traces) -> Figure:
 
 
 def _draw_position(axes: Axes, data: RunData, traces: Traces) -> None:
-    ref_mm = (data.scenario.controller.tdc_ref_m or 0.0) * 1e3
+    ref_mm = data.scenario.controller.tdc_ref_m * 1e3
     head_mm = data.scenario.plant.resolved_prototype().half_stroke_m * 1e3
     strokes = data.strokes
     shown = (strokes.t_s >= traces.window_s[0]) & (strokes.t_s <= traces.window_s[1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from hil.config.detailed import Calibration
-from hil.config.plant import DETAILED_MODELS, PlantConfig
-from hil.config.prototypes import PROTOTYPES
+from hil.config.plant import DETAILED_MODELS
+from hil.config.prototypes import PROTOTYPES, engine_with
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 
@@ -33,12 +33,19 @@ def is_detailed(scenario: Scenario) -> bool:
     return scenario.plant.model in DETAILED_MODELS
 
 
+def prototype_of(scenario: Scenario) -> str:
+    """Return the engine: unless it is named, one that has such a model."""
+    plant = scenario.plant
+    named = "prototype" in plant.model_fields_set
+    return plant.prototype if named else engine_with(plant.model)
+
+
 def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     """Give prototype, injector, loads, set point, spark and preset, each unless it is given.
 
     Raises: ConfigError when the engine cannot run on what is given
     """
-    plant = _with_prototype(scenario, tree["plant"])
+    plant = scenario.plant.model_copy(update={"prototype": tree["plant"]["prototype"]})
     from plant.engines.detailed.settle import calibration_of
 
     c = calibration_of(plant)
@@ -50,8 +57,6 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     control = tree["controller"]
     _give(control["supervisory"], "load_coefficient_n_s_m", load)
     _give(control["limits"], "tdc_m", PROTOTYPES[plant.prototype].position_limit_m)
-    if "fuel_max_kg" not in scenario.controller.limits.model_fields_set:
-        control["limits"]["fuel_max_kg"] = PROTOTYPES[plant.prototype].fuel_max_kg
     _give(control["open_loop"], "fuel_kg", c.heat.energy_j / c.heat.heating_value_j_kg)
     if "force_n" not in scenario.controller.start.model_fields_set:
         control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}
@@ -110,15 +115,6 @@ def _fill_unfired(
         wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
     given = scenario.controller.timing.model_fields_set
     control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
-
-
-def _with_prototype(scenario: Scenario, tree: dict[str, Any]) -> PlantConfig:
-    """Return the plant's configuration; starting is a model of the Beijing engine."""
-    plant = scenario.plant
-    if plant.model == "starting" and "prototype" not in plant.model_fields_set:
-        tree["prototype"] = "bit"
-        return plant.model_copy(update={"prototype": "bit"})
-    return plant
 
 
 def _fill_injectors(scenario: Scenario, tree: dict[str, Any], flow_kg_s: float) -> None:

@@ -43,7 +43,7 @@ def simulate(scenario: Resolved) -> Course:
     schedule = controller.build.schedule_of(scenario)
     course = Course([], list(events), "")
     command: Command = Command()
-    for tick in range(plant.build.ticks_of(scenario)):
+    for tick in range(scenario.ticks):
         seen = sample(params, state)
         power_w = math.nan
         if not tick & 1:

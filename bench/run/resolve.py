@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from bench.run import engine_defaults, fmu_defaults
 from controller.motion.choice import check_names
 from controller.supervisory import target_load
 from hil.config.check import check
-from hil.config.prototypes import Prototype
+from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
@@ -18,6 +18,15 @@ from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
 
 _SLOPE_STEP = 0.01
+
+_OF_THE_ENGINE = {
+    "plant": {"contact_restitution": "contact_restitution"},
+    "plant.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "controller.start": {"force_n": "start_force_n"},
+    "controller.limits": {"fuel_min_kg": "fuel_min_kg", "fuel_max_kg": "fuel_max_kg"},
+}
+"""By section and key which figure of the engine a run has unless it is given."""
 
 # The non-linear model is integrated for every fuel that is tried.
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
@@ -39,6 +48,8 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
             " centres only; accepted there are the other controllers"
         )
     tree = scenario.model_dump()
+    tree["plant"]["prototype"] = engine_defaults.prototype_of(scenario)
+    _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
     if engine_defaults.is_detailed(scenario):
         engine_defaults.fill(scenario, tree)
     else:
@@ -48,6 +59,16 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)
+
+
+def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Give the engine's own figures, each unless the scenario has it."""
+    for path, figures in _OF_THE_ENGINE.items():
+        keys = path.split(".")
+        given: Any = reduce(getattr, keys, scenario)
+        section = reduce(dict.__getitem__, keys, tree)
+        for key in figures.keys() - given.model_fields_set:
+            section[key] = getattr(prototype, figures[key])
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:

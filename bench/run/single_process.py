@@ -51,7 +51,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
             end.status.on_publish = _tell_of(name)
         granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
         start_s = time.perf_counter()
-        tick, ticks = 0, plant.build.ticks_of(scenario)
+        tick, ticks = 0, scenario.ticks
         while tick < ticks and not stop.requested:
             tick = plant_loop.turn(tick)
         loop_s = time.perf_counter() - start_s

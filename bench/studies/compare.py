@@ -106,7 +106,7 @@ def _shortened(tree: Tree, event: str) -> Tree:
 def _cell(tree: Tree, base: Resolved, event: str, law: str, load: float, moment: str) -> Cell:
     """One law, one step."""
     strokes, fraction = MOMENTS[moment]
-    stroke_s = base.controller.preset.stroke_s or 0.0
+    stroke_s = base.controller.preset.stroke_s
     settings = {
         "controller.name": law,
         f"events.{event}.value": load,
@@ -122,7 +122,7 @@ def _cell(tree: Tree, base: Resolved, event: str, law: str, load: float, moment:
         course = simulate(scenario)
     except ConfigError as error:
         return Cell(law, load, moment, Response((), ()), (), str(error))
-    return read_off(course, law, load, moment, (scenario.controller.tdc_ref_m or 0.0) * 1e3)
+    return read_off(course, law, load, moment, scenario.controller.tdc_ref_m * 1e3)
 
 
 def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) -> Cell:
@@ -156,8 +156,8 @@ def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, st
 def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
     """The function from load, moment in the stroke and knowledge to the bound of an engine."""
     plant, controller = base.plant, base.controller
-    ref_m = controller.tdc_ref_m or 0.0
-    nominal = controller.supervisory.load_coefficient_n_s_m or 0.0
+    ref_m = controller.tdc_ref_m
+    nominal = controller.supervisory.load_coefficient_n_s_m
     if plant.model in FAST_MODELS:
         engine = constants_of(plant.resolved_prototype(), plant.model)
         return lambda load, part, known: step_bound(engine, ref_m, nominal, load, part, known)
@@ -166,7 +166,7 @@ def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | 
     from bench.studies import bound_detailed
     from plant.engines.detailed.settle import calibration_of
 
-    calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg or 0.0
+    calibration, fuel_kg = calibration_of(plant), controller.preset.fuel_kg
     advance_s = controller.timing.spark_advance_s
     return lambda load, part, known: bound_detailed.step_bound(
         calibration, ref_m, fuel_kg, nominal, load, part, known, advance_s=advance_s

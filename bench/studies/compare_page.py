@@ -27,7 +27,7 @@ def table(found: Comparison) -> str:
     """Peak and settling of every law at every moment, in Markdown, the bounds first."""
     plant = found.scenario.plant
     lines = [f"# {found.scenario.name}: {plant.prototype.upper()}, {plant.model}, TDC"
-             f" {1e3 * (found.scenario.controller.tdc_ref_m or 0.0):g} mm", "",
+             f" {1e3 * found.scenario.controller.tdc_ref_m:g} mm", "",
              "Peak TDC error [mm] / settling to +-0.1 mm [ms]", ""]  # fmt: skip
     columns = [(load, moment) for load in found.loads for moment in MOMENTS]
     lines.append(_row("", [f"{100 * (load - 1):+.0f} % {moment}" for load, moment in columns]))

@@ -109,7 +109,7 @@ def scenario_of(cell: Cell, law: str, gains: Gains) -> Resolved:
 def judge(cell: Cell, law: str, gains: Gains) -> Response:
     """Run one cell."""
     scenario = scenario_of(cell, law, gains)
-    return read_off(simulate(scenario), scenario.controller.tdc_ref_m or 0.0)
+    return read_off(simulate(scenario), scenario.controller.tdc_ref_m)
 
 
 def read_off(course: Course, tdc_ref_m: float) -> Response:

@@ -7,20 +7,12 @@ MOTORING after a misfire (thesis section 6.1.3, level 1). SAFE is left only by a
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import IntEnum
 from typing import final
 
 from hil.values import Value
+from hil.wire.messages import OperatingMode
 
-
-class Mode(IntEnum):
-    """Operating mode; the numbers are those on the wire (`hil.wire.messages.OPERATING_MODES`)."""
-
-    OFF = 0
-    MOTORING = 1
-    GENERATING = 2
-    STOPPING = 3
-    SAFE = 4
+Mode = OperatingMode
 
 
 @final

@@ -22,10 +22,9 @@ from hil.pacing import Pacer, RealTimePacer
 from hil.ports import Link
 from hil.wire.codec import Encoder
 from hil.wire.fields import most_of
-from hil.wire.messages import SLOW_SIGNALS, PistonSample, PlantTick
+from hil.wire.messages import ELECTRIC_POWER, SLOW_ORDER, PistonSample, PlantTick
 
 _NAN: Final = float("nan")
-_POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
 _X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
 _POWER_MOST = most_of(PlantTick, "electric_power_w")
 _P_MOST = most_of(PlantTick, "p_left_pa")
@@ -46,7 +45,7 @@ class AnalogSource:
             raise ConfigError("inputs.device: the name of an analogue device is needed")
         self._calibrations = [_calibration(sensor) for sensor in sensors]
         with_pressures = len(sensors) > len(motion)
-        self._slow_order = (_POWER, _P_LEFT, _POWER, _P_RIGHT) if with_pressures else (_POWER,)
+        self._slow_order = SLOW_ORDER if with_pressures else (ELECTRIC_POWER,)
         self._input = open_input(config.device, [sensor.channel for sensor in sensors])
         self._encoder = Encoder()
         self.broken = 0
@@ -81,7 +80,7 @@ def _calibration(sensor: SensorConfig) -> Calibration:
 
 def _within(value: float, which: int) -> float:
     """A pressure below nought is nought, and the end of a range is the end of a range."""
-    if which == _POWER:
+    if which == ELECTRIC_POWER:
         return max(-_POWER_MOST, min(value, _POWER_MOST))
     return max(0.0, min(value, _P_MOST))
 

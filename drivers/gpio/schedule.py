@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from hil.values import NEVER
 from hil.wire import pulses
 from hil.wire.messages import CHANNELS, Pulse
-from hil.wire.pulses import NEVER_NS, Edge, PulseOrder
+from hil.wire.pulses import Edge, PulseOrder
 
 
 class _Answer(NamedTuple):
@@ -31,7 +32,7 @@ class EdgeSchedule:
         self._table = pulses.lines_for(len(CHANNELS))
         self._answers: list[_Answer] = []
         self._silence_ns = silence_ns
-        self._low_ns = NEVER_NS
+        self._low_ns = NEVER
 
     def answer(self, acts_ns: int, mode: int | None, sent: list[Pulse]) -> None:
         """Take an answer, in the order of sending; of several for one tick the newer counts."""
@@ -54,7 +55,7 @@ class EdgeSchedule:
             self._low_ns = acts_ns + self._silence_ns
         if self._low_ns <= now_ns:
             edges += self._follow(False, (), self._low_ns)
-            self._low_ns = NEVER_NS
+            self._low_ns = NEVER
         return edges + self._passed(now_ns)
 
     def _follow(self, fires: bool, orders: tuple[PulseOrder, ...], at_ns: int) -> list[Edge]:
@@ -68,7 +69,7 @@ class EdgeSchedule:
         return list(edges)
 
     def next_ns(self) -> int:
-        """Return when the next edge is due, what acts by then included; NEVER_NS for none."""
+        """Return when the next edge is due, what acts by then included; NEVER for none."""
         table = self._table
         for acts_ns, mode, sent in self._answers:
             if table.next_edge_ns <= acts_ns:
@@ -76,7 +77,7 @@ class EdgeSchedule:
             if mode is not None:
                 fires, orders = pulses.may_fire(mode), pulses.orders_of(sent)
                 table, _ = pulses.follow(table, fires, orders, acts_ns)
-        return NEVER_NS if table.next_edge_ns == NEVER_NS else min(table.next_edge_ns, self._low_ns)
+        return NEVER if table.next_edge_ns == NEVER else min(table.next_edge_ns, self._low_ns)
 
 
 class PlantClock:
@@ -89,7 +90,7 @@ class PlantClock:
         self._period_ns = period_ns
         self._phase_ns = phase_ns
         self._drift_ns = max(period_ns // 20_000, 1)  # 50 ppm
-        self._offset_ns = NEVER_NS
+        self._offset_ns = NEVER
 
     def arrived(self, tick: int, arrival_ns: int) -> bool:
         """Take note of a sample's arrival on the monotonic clock [ns]; true when time is new."""

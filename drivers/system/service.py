@@ -21,8 +21,8 @@ from drivers.system.process import Stop
 from drivers.system.realtime import page_faults
 from hil.errors import ConfigError, LinkError
 from hil.ports import Link
+from hil.values import NEVER
 
-ENDLESS: Final = 1 << 62
 BEAT_S: Final = 0.05
 """Between two looks at the outside; readiness and a reload are at most this late."""
 
@@ -45,7 +45,7 @@ class Heart:
     """
 
     def __init__(self, notifier: Notifier | None = None, rate_hz: int = 0) -> None:
-        self.next_tick = ENDLESS
+        self.next_tick = NEVER
         self.ready = False
         self.faults = 0
         self._notifier = notifier

@@ -10,11 +10,14 @@ from hil.config.base import Section, ranged
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN, TdcRefM
 from hil.wire.commands import LAW, TARGET_POWER_W
+from hil.wire.fields import most_of
+from hil.wire.messages import MachineCommand
 
 LawName = Annotated[str, Field(pattern=LAW.pattern)]
 """Of a piston-motion law; which there are is known where a controller is built."""
 
 TargetPowerW = Annotated[float, ranged(TARGET_POWER_W)]
+_WIRE_FORCE_N = most_of(MachineCommand, "force_n")
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
 Load = Annotated[float, Field(ge=0.0, le=5000.0)]
@@ -236,7 +239,7 @@ class LimitsConfig(Section):
     tdc_m: Metres | None = None
     fuel_min_kg: FuelKg = DEFAULT.fuel_min_kg
     fuel_max_kg: FuelKg = DEFAULT.fuel_max_kg
-    force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=5000.0)
+    force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=_WIRE_FORCE_N)
     stale_ticks: StaleTicks = STALE_TICKS
     misfires: int = Field(default=3, ge=1, le=1000)
 

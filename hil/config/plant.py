@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_type_hints
 
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import OneOf, Section
-from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype
+from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 from hil.config.ranges import (
     STALE_TICKS,
     DeadTimeS,
@@ -18,13 +18,13 @@ from hil.config.ranges import (
 )
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
-OwnModel = Literal[
-    "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting",
-    "motoring",
-]  # fmt: skip
-Model = Literal[OwnModel, "fmu"]
-DETAILED_MODELS: tuple[str, ...] = ("two-stroke", "four-stroke", "starting", "motoring")
+FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
+DETAILED_MODELS = tuple(dict.fromkeys(model for name in PROTOTYPES for model in model_files(name)))
 """Models of the gas in full: compiled, with a calibration of their own."""
+
+OWN_MODELS = (*FAST_MODELS, *DETAILED_MODELS)
+OwnModel = Annotated[str, OneOf(OWN_MODELS)]
+Model = Annotated[str, OneOf((*OWN_MODELS, "fmu"))]
 
 _FMU = "fmu:"
 
@@ -119,8 +119,8 @@ class PlantConfig(Section):
     def _model_knows_the_engine(self) -> Self:
         if PROTOTYPES[self.prototype].chambers < 2 and self.model not in DETAILED_MODELS:
             raise ValueError(
-                f"prototype {self.prototype} has one chamber; models that accept it: two-stroke, "
-                "four-stroke"
+                f"prototype {self.prototype} has one chamber; models that accept it: "
+                + ", ".join(model_files(self.prototype))
             )
         return self
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 from pydantic import Field, model_validator
 
 from hil.config.base import Section
-
-ClockName = Literal["lockstep", "realtime"]
-LinkName = Literal["zenoh", "can", "memory", "shm"]
+from hil.config.names import ClockName, LinkName
 
 STATUS_HZ = 10
 """How often a loop tells its status."""

@@ -135,6 +135,12 @@ def model_files(prototype: str) -> dict[str, Path]:
     return {path.stem: path for path in found if path.name != _FIGURES}
 
 
+def engine_with(model: str) -> str:
+    """Return the engine that is meant where none is named: the default one, if it has the model."""
+    having = [name for name in PROTOTYPES if model in model_files(name)]
+    return having[0] if having and DEFAULT.name not in having else DEFAULT.name
+
+
 PROTOTYPES: dict[str, Prototype] = {
     path.parent.name: read(path.parent) for path in sorted(ENGINES.glob(f"*/{_FIGURES}"))
 }

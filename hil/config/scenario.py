@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hil.config.base import Section
+from hil.config.base import OneOf, Section
 from hil.config.controller import ControllerConfig
 from hil.config.events import Event
 from hil.config.inputs import InputsConfig
@@ -14,6 +14,9 @@ from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
 from hil.wire.busload import check_fit
+from hil.wire.messages import OPERATING_MODES
+
+ModeName = Annotated[str, OneOf((*OPERATING_MODES.values(), "running"))]
 
 
 class Expectation(Section):
@@ -35,7 +38,7 @@ class Expectation(Section):
     after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
     within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
     peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: Literal["off", "motoring", "generating", "stopping", "safe", "running"] | None = None
+    mode: ModeName | None = None
     at_rest: bool | None = None
     contacts: int | None = Field(default=None, ge=0)
     misfires_min: int | None = Field(default=None, ge=0)

@@ -6,13 +6,21 @@ place in `ALL`.
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Final
 
 from hil.log.records import Field, Record, Topic
+from hil.wire.messages import CHANNELS, MACHINE_MODES
 
 SAMPLE_FRESH, SAMPLE_NONE, SAMPLE_INVALID = 0, 1, 2
 LEFT, RIGHT = 0, 1
-INFO, WARNING, FAULT = 0, 1, 2
+SEVERITIES: Final = {0: "info", 1: "warning", 2: "fault"}
+INFO, WARNING, FAULT = SEVERITIES
+
+
+def _told(names: Mapping[int, str]) -> str:
+    """Numbers and what they stand for."""
+    return ", ".join(f"{number} {name.replace('_', ' ')}" for number, name in names.items())
 
 
 class Sensor(Record):
@@ -38,7 +46,7 @@ class Actuator(Record):
     tick: Annotated[int, Field("uint32", "number of the tick")]
     t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
     answers_tick: Annotated[int, Field("uint32", "tick of the sample that this answers")]
-    mode: Annotated[int, Field("uint8", "machine mode: 0 off, 1 motor, 2 generator")]
+    mode: Annotated[int, Field("uint8", f"machine mode: {_told(MACHINE_MODES)}")]
     force_n: Annotated[
         float, Field("float64", "machine force when motoring, positive to the right", "N")
     ]
@@ -49,7 +57,7 @@ class Actuator(Record):
     pulse_count: Annotated[int, Field("uint8", "how many entries of the pulse arrays are valid")]
     pulse_channel: Annotated[
         tuple[int, int, int, int],
-        Field("uint8[4]", "0 injector left, 1 injector right, 2 spark left, 3 spark right"),
+        Field("uint8[4]", _told(CHANNELS)),
     ]
     pulse_open_t_ns: Annotated[
         tuple[int, int, int, int],
@@ -123,7 +131,7 @@ class Event(Record):
 
     tick: Annotated[int, Field("uint32", "number of the tick")]
     t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
-    severity: Annotated[int, Field("uint8", "0 info, 1 warning, 2 fault")]
+    severity: Annotated[int, Field("uint8", _told(SEVERITIES))]
     code: Annotated[str, Field("string", "short name, for programs")]
     text: Annotated[str, Field("string", "one line, for people")]
 

@@ -18,8 +18,9 @@ PAYLOAD_BITS = 52
 class Signal:
     """One field of a message: `kind` is "u" or "i" and a width in bits, value = raw * scale.
 
-    `minimum` and `maximum` narrow the range that the width allows; `only_when` names the value of
-    the message's selector under which the field is on the wire (multiplexing).
+    `minimum`, `maximum` and the names of `values` narrow the range that the width allows;
+    `only_when` names the value of the message's selector under which the field is on the wire
+    (multiplexing).
     """
 
     kind: str
@@ -51,6 +52,8 @@ class Signal:
             low = max(low, round(self.minimum / self.scale))
         if self.maximum is not None:
             high = min(high, round(self.maximum / self.scale))
+        if self.values:
+            high = min(high, max(self.values))
         return low, high
 
 

@@ -7,6 +7,7 @@ A tick carries at most six frames in both directions together (docs/messages.md,
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Annotated as A
 from typing import Final, NamedTuple
 
@@ -15,9 +16,20 @@ from hil.wire.fields import Signal, message
 MACHINE_MODES: Final = {0: "off", 1: "motor", 2: "generator"}
 OFF, MOTOR, GENERATOR = MACHINE_MODES
 
-OPERATING_MODES: Final = {0: "off", 1: "motoring", 2: "generating", 3: "stopping", 4: "safe"}
 
-FIRING_MODES: Final = (1, 2)
+class OperatingMode(IntEnum):
+    """Operating mode of the engine."""
+
+    OFF = 0
+    MOTORING = 1
+    GENERATING = 2
+    STOPPING = 3
+    SAFE = 4
+
+
+OPERATING_MODES: Final = {mode.value: mode.name.lower() for mode in OperatingMode}
+
+FIRING_MODES: Final = (OperatingMode.MOTORING.value, OperatingMode.GENERATING.value)
 """In any other operating mode all TTL lines are low; both sides hold to it."""
 
 CHANNELS: Final = {
@@ -34,6 +46,10 @@ INJECTOR_LEFT, INJECTOR_RIGHT, SPARK_LEFT, SPARK_RIGHT, *VALVES = CHANNELS
 INTAKE_LEFT, EXHAUST_LEFT, INTAKE_RIGHT, EXHAUST_RIGHT = VALVES
 
 SLOW_SIGNALS: Final = {0: "electric_power", 1: "p_left", 2: "p_right"}
+ELECTRIC_POWER, P_LEFT, P_RIGHT = SLOW_SIGNALS
+SLOW_ORDER: Final = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
+"""They take turns: which one a tick carries, by its number modulo four."""
+
 PULSE_CLOCK_US: Final = 1 << 20
 """Openings are given in plant microseconds modulo this (20 bits)."""
 
@@ -52,10 +68,10 @@ class PlantTick(NamedTuple):
 
     tick: A[int, Signal("u32")]
     frame_count: A[int, Signal("u3", minimum=1)]
-    slow: A[int, Signal("u2", values=SLOW_SIGNALS, maximum=2, selects=True)]
-    electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=0)]
-    p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=1)]
-    p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=2)]
+    slow: A[int, Signal("u2", values=SLOW_SIGNALS, selects=True)]
+    electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=ELECTRIC_POWER)]
+    p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_LEFT)]
+    p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_RIGHT)]
 
 
 @message(0x101, sender="plant", receiver="controller")
@@ -81,7 +97,7 @@ class ControllerTick(NamedTuple):
 
     tick: A[int, Signal("u32")]
     frame_count: A[int, Signal("u3", minimum=1)]
-    mode: A[int, Signal("u3", values=OPERATING_MODES, maximum=4)]
+    mode: A[int, Signal("u3", values=OPERATING_MODES)]
 
 
 @message(0x201, sender="controller", receiver="plant")
@@ -94,7 +110,7 @@ class MachineCommand(NamedTuple):
     throttle: opening, 1 is wide open
     """
 
-    mode: A[int, Signal("u2", values=MACHINE_MODES, maximum=2)]
+    mode: A[int, Signal("u2", values=MACHINE_MODES)]
     force_n: A[float, Signal("i20", scale=0.01, unit="N", minimum=-5000.0, maximum=5000.0)]
     load_coefficient_n_s_m: A[
         float, Signal("u20", scale=0.01, unit="N.s/m", minimum=0.0, maximum=10000.0)
@@ -111,7 +127,7 @@ class Pulse(NamedTuple):
     duration_us: how long the line stays high; an opening always carries its closing
     """
 
-    channel: A[int, Signal("u4", values=CHANNELS, maximum=7)]
+    channel: A[int, Signal("u4", values=CHANNELS)]
     open_us: A[int, Signal("u20", unit="us")]
     duration_us: A[int, Signal("u16", unit="us", minimum=1)]
 

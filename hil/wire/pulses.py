@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, final
 
-from hil.values import Value, replace
+from hil.values import NEVER, Value, replace
 from hil.wire import messages
 from hil.wire.messages import CHANNELS, FIRING_MODES, INTAKE_LEFT, PULSE_CLOCK_US
 
@@ -31,8 +31,6 @@ BACK_US: Final = PULSE_CLOCK_US // 4
 
 REPEAT_NS: Final = 100_000_000
 """An order is sent until its pulse has closed; so long after, it may still be on its way."""
-
-NEVER_NS: Final = 1 << 62
 
 LATE, OVERLAP, CONTRADICTORY = "late", "overlap", "contradictory"
 UNKNOWN_CHANNEL, TOO_LONG, TOO_FAR_AHEAD = "unknown channel", "too long", "too far ahead"
@@ -90,7 +88,7 @@ class PulseTable(Value):
 
     def __init__(
         self, lines: tuple[Line, ...] = (Line(),) * WITHOUT_VALVES,
-        next_edge_ns: int = NEVER_NS, refusals: tuple[int, ...] = (0,) * len(REASONS),
+        next_edge_ns: int = NEVER, refusals: tuple[int, ...] = (0,) * len(REASONS),
     ) -> None:  # fmt: skip
         self.lines = lines
         self.next_edge_ns = next_edge_ns
@@ -260,7 +258,7 @@ def _counted(counts: tuple[int, ...], reason: str) -> tuple[int, ...]:
 
 def _next_edge(lines: Sequence[Line]) -> int:
     """Find the next instant at which a line changes level."""
-    edge = NEVER_NS
+    edge = NEVER
     for line in lines:
         if line.open is not None:
             edge = min(edge, line.open.close_ns)
@@ -271,7 +269,7 @@ def _next_edge(lines: Sequence[Line]) -> int:
 
 def shut(table: PulseTable, now_ns: int) -> PulseTable:
     """Let what is open close now, and drop what is to come."""
-    if table.next_edge_ns == NEVER_NS:
+    if table.next_edge_ns == NEVER:
         return table
     lines = tuple([replace(line, open=_closed(line.open, now_ns), pending=None)
                    for line in table.lines])  # fmt: skip

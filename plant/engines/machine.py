@@ -5,10 +5,7 @@ from __future__ import annotations
 from typing import Final, final
 
 from hil.values import Value
-
-OFF: Final = 0
-MOTOR: Final = 1
-GENERATOR: Final = 2
+from hil.wire.messages import OFF
 
 
 @final

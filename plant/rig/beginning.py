@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from hil.errors import ConfigError
 from hil.values import replace
-from hil.wire.messages import VALVES
+from hil.wire.messages import GENERATOR, VALVES
 from hil.wire.pulses import lines_for
-from plant.engines.machine import GENERATOR, IDLE, MachineOrder
+from plant.engines.machine import IDLE, MachineOrder
 from plant.engines.protocol import (
     AT_DEAD_CENTRE,
     BY_SPARK,

@@ -7,8 +7,9 @@ from typing import Final
 
 from hil.values import replace
 from hil.wire import pulses
+from hil.wire.messages import GENERATOR, MACHINE_MODES, MOTOR
 from hil.wire.pulses import PulseOrder
-from plant.engines.machine import GENERATOR, MOTOR, OFF, Machine, MachineOrder
+from plant.engines.machine import Machine, MachineOrder
 from plant.rig import actuation
 from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
 from plant.rig.params import PlantParams
@@ -99,7 +100,7 @@ def safe_order(p: PlantParams) -> MachineOrder:
 
 def objection(order: MachineOrder) -> str:
     """Tell what is wrong with an order; an empty string when nothing is."""
-    if order.mode not in (OFF, MOTOR, GENERATOR):
+    if order.mode not in MACHINE_MODES:
         return f"machine mode {order.mode} is none of 0, 1, 2"
     if not (math.isfinite(order.force_n) and 0.0 <= order.load_coefficient_n_s_m < math.inf):
         return "machine force must be finite, and load coefficient finite and not negative"

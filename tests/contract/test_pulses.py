@@ -25,6 +25,8 @@ from plant.loop import PlantLoop
 from plant.rig.actuation import Actuation
 from plant.rig.beginning import initial_state
 
+pytestmark = pytest.mark.interpreted("watches the table of pulses from inside")
+
 US, MS = 1000, 1_000_000
 PERIOD_NS = MS
 STALE_TICKS = PlantConfig().stale_ticks

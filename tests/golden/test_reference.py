@@ -8,7 +8,7 @@ from bench.dev import reference
 from bench.dev.golden_cases import CASES, Case, scenario_for
 from bench.dev.reference import Run
 from controller.motion.laws import LAWS
-from hil.config.plant import OwnModel
+from hil.config.plant import OWN_MODELS
 from hil.config.process import LinkName
 from hil.config.prototypes import PROTOTYPES
 from hil.wire.commands import BY_KIND
@@ -77,7 +77,7 @@ def test_golden_runs_hold_every_law_and_every_kind_of_order():
 
 def test_reference_runs_hold_every_model_prototype_and_link():
     changes = [dict(run.case.changes) for run in reference.runs()]
-    assert {c.get("plant.model", "harmonic") for c in changes} == set(get_args(OwnModel))
+    assert {c.get("plant.model", "harmonic") for c in changes} == set(OWN_MODELS)
     assert {c.get("plant.prototype", "nu") for c in changes} == set(PROTOTYPES)
     assert {run.link for run in reference.runs()} == {"", *get_args(LinkName)}
     names = [run.name for run in reference.runs()]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import sys
-import typing
 from collections.abc import Iterator
 from hashlib import blake2b
 from itertools import product
@@ -21,12 +20,12 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.laws import LAWS
 from hil import compiled
-from hil.config.plant import OwnModel
+from hil.config.plant import OWN_MODELS
 from hil.config.prototypes import PROTOTYPES
 from hil.errors import HilError
 from hil.wire.commands import BY_KIND
 
-MODELS = typing.get_args(OwnModel)
+MODELS = OWN_MODELS
 EVENTS = {
     "load-scale": {"value": 0.9},
     "efficiency": {"low": 0.95},

@@ -22,9 +22,10 @@ from drivers.channels import MemoryCommands
 from drivers.recorder.client import Recorder, wait_finished
 from drivers.system.keepsake import SIZE, Keepsake
 from drivers.system.notify import Notifier
-from drivers.system.service import ENDLESS, KEPT_LOGS, Heart, log_file
+from drivers.system.service import KEPT_LOGS, Heart, log_file
 from hil.errors import ConfigError, RunError
 from hil.log import topics
+from hil.values import NEVER
 
 
 @pytest.fixture
@@ -88,7 +89,7 @@ def test_ready_is_told_once_and_only_after_the_first_answer(
 def test_a_run_that_is_no_service_never_beats() -> None:
     heart = Heart()
     heart.start(0)
-    assert heart.next_tick == ENDLESS
+    assert heart.next_tick == NEVER
 
 
 def test_a_hang_up_is_told_to_the_loop_once(notifier: Notifier) -> None:

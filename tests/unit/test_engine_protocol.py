@@ -9,10 +9,11 @@ import pytest
 from hil.config.plant import FmuConfig, PlantConfig
 from hil.values import replace
 from hil.wire.commands import read_event
+from hil.wire.messages import GENERATOR, MOTOR
 from hil.wire.pulses import PulseOrder
 from plant.build import plant_params
 from plant.engines import protocol
-from plant.engines.machine import GENERATOR, MOTOR, MachineOrder
+from plant.engines.machine import MachineOrder
 from plant.engines.protocol import Motion, Moved, Sensed, Stop
 from plant.rig.beginning import initial_state
 from plant.rig.events import AT_REST, IN_MOTION

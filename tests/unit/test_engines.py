@@ -5,6 +5,8 @@ import tomllib
 
 import pytest
 
+from bench.run.resolve import resolve
+from bench.run.scenarios import read as read_scenario
 from hil.config.detailed import calibrations, read_file
 from hil.config.prototypes import ENGINES, PROTOTYPES, model_files, read
 from hil.errors import ConfigError
@@ -81,3 +83,18 @@ def test_calibration_takes_from_its_engine_what_it_does_not_state():
         assert (c.left.bore_m, c.left.length_m) == (engine.bore_m, engine.half_stroke_m)
         load = tree["machine"].get("load_coefficient_n_s_m", engine.load_coefficient_n_s_m)
         assert c.machine.load_coefficient_n_s_m == load
+
+
+def test_run_has_the_figures_of_its_engine_unless_they_are_given(monkeypatch):
+    """Also an engine that is not the default one is believed by its controller as it is built."""
+    other = {"injector_kg_s": 2e-3, "injector_dead_s": 1e-3, "fuel_max_kg": 7e-6}
+    changed = PROTOTYPES["bit"].model_copy(update=other | {"start_force_n": 90.0})
+    monkeypatch.setitem(PROTOTYPES, "bit", changed)
+    given = [("plant.prototype", "bit"), ("controller.injector.dead_time_s", 0.9e-3)]
+    resolved = resolve(read_scenario("steady", given))
+    assert resolved.plant.injector.static_flow_kg_s == 2e-3
+    assert resolved.plant.injector.dead_time_s == 1e-3
+    assert resolved.controller.injector.static_flow_kg_s == 2e-3
+    assert resolved.controller.injector.dead_time_s == 0.9e-3
+    assert resolved.controller.limits.fuel_max_kg == 7e-6
+    assert resolved.controller.start.force_n == 90.0

@@ -27,13 +27,14 @@ from hil.config.load import build
 from hil.config.plant import FmuConfig, PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
 from hil.wire.commands import read_event
+from hil.wire.messages import GENERATOR, MOTOR
 from hil.wire.pulses import PulseOrder
 from plant.build import plant_params
 from plant.engines.fmu.archive import open_archive
 from plant.engines.fmu.contract import ALL
 from plant.engines.fmu.turning import turning_point
 from plant.engines.fmu.unit import Unit
-from plant.engines.machine import GENERATOR, MOTOR, MachineOrder
+from plant.engines.machine import MachineOrder
 from plant.rig.beginning import initial_state
 from plant.rig.events import AT_REST, IN_MOTION, MISFIRE, SAFE_STATE
 from plant.rig.state import Command, PlantState

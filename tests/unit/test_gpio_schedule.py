@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.gpio.schedule import EdgeSchedule, PlantClock
+from hil.values import NEVER
 from hil.wire.messages import Pulse
-from hil.wire.pulses import NEVER_NS
 
 MS = 1_000_000
 GENERATING, STOPPING = 2, 3
@@ -29,7 +29,7 @@ def test_an_answer_acts_at_its_tick_and_not_before():
     assert shown(s.due(2 * MS)) == [(2, 0, True)]
     assert s.next_ns() == 2_500_000
     assert shown(s.due(9 * MS)) == [(2.5, 0, False)]
-    assert s.next_ns() == NEVER_NS
+    assert s.next_ns() == NEVER
 
 
 def test_the_next_edge_is_known_of_an_answer_that_does_not_act_yet():

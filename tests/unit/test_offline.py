@@ -25,7 +25,7 @@ def over_the_wire(resolved):
     plant_end.link.on_send = lambda: controller_loop.turn(controller_end.link.receive())
     found: list[DeadCentre] = []
     tick = 0
-    while tick < plant.build.ticks_of(resolved):
+    while tick < resolved.ticks:
         before = plant_loop.state.dead_centre.number
         tick = plant_loop.turn(tick)
         if plant_loop.state.dead_centre.number != before:

@@ -1,8 +1,9 @@
 """Commands that act later than the wire's one tick."""
 
 from hil.config.plant import PlantConfig
+from hil.wire.messages import GENERATOR
 from plant.build import plant_params
-from plant.engines.machine import GENERATOR, MachineOrder
+from plant.engines.machine import MachineOrder
 from plant.rig.beginning import initial_state
 from plant.rig.state import Command
 from plant.rig.step import step

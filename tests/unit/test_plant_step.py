@@ -9,9 +9,10 @@ from hil.config.prototypes import NU
 from hil.errors import ConfigError
 from hil.log import topics
 from hil.wire.commands import read_event
+from hil.wire.messages import GENERATOR, MOTOR, OFF
 from hil.wire.pulses import PulseOrder
 from plant.build import plant_params
-from plant.engines.machine import GENERATOR, MOTOR, OFF, MachineOrder
+from plant.engines.machine import MachineOrder
 from plant.log import truth
 from plant.rig.beginning import initial_state
 from plant.rig.state import Command

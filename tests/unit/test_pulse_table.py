@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.values import NEVER
 from hil.wire import pulses
 from hil.wire.messages import (
     CHANNELS,
@@ -20,7 +21,6 @@ from hil.wire.pulses import (
     KINDS,
     LATE,
     LONGEST_US,
-    NEVER_NS,
     OVERLAP,
     REASONS,
     REPEAT_NS,
@@ -100,7 +100,7 @@ def test_a_pulse_is_two_edges():
     assert table.next_edge_ns == 100 * US
     assert edges(table, 99) == []
     assert edges(table) == [(100, 0, True), (2900, 0, False)]
-    assert advance(table, FOR_EVER_NS)[0].next_edge_ns == NEVER_NS
+    assert advance(table, FOR_EVER_NS)[0].next_edge_ns == NEVER
 
 
 def test_repeats_are_silent_before_during_and_just_after_the_pulse():

@@ -18,13 +18,16 @@ from hil.config.resolved import Resolved
 from hil.log import Log, Span, topics
 from hil.log.records import PAYLOAD_OFFSET
 from hil.wire.codec import Encoder
-from hil.wire.messages import SLOW_SIGNALS, PistonSample, PlantTick
+from hil.wire.fields import layout_of
+from hil.wire.messages import SLOW_ORDER, PistonSample, PlantTick
 
 _NAN = float("nan")
 _NEEDED = ("x_m", "v_m_s")
-_SLOW = dict(zip(SLOW_SIGNALS, ("electric_power_w", "p_left_pa", "p_right_pa"), strict=True))
-_POWER, _P_LEFT, _P_RIGHT = SLOW_SIGNALS
-_ORDER = (_POWER, _P_LEFT, _POWER, _P_RIGHT)
+_SLOW = {
+    placed.signal.only_when: placed.name
+    for placed in layout_of(PlantTick).fields
+    if placed.signal.only_when is not None
+}
 _STAMPS = {"tick", "t_ns", "answers_tick"}
 
 Row = dict[str, Any]
@@ -101,7 +104,7 @@ def _turn(encoder: Encoder, row: Row, tick: int) -> Turn:
     """Make the turn of a sample; a row without a fresh one is a tick without a batch."""
     batches: tuple[bytes, ...] = ()
     if row.get("status", topics.SAMPLE_FRESH) == topics.SAMPLE_FRESH:
-        slow = _ORDER[tick & 3]
+        slow = SLOW_ORDER[tick % len(SLOW_ORDER)]
         values = [_NAN, _NAN, _NAN]
         given = row.get(_SLOW[slow], 0.0)
         values[slow] = given if given == given else 0.0  # noqa: PLR0124  # nan: not measured

@@ -55,7 +55,7 @@ def changed(
     new = check(Resolved, tree, "--set")
     params = plant.build.make_params(new)
     _check_events(plant.build.make_params(scenario), params, state)
-    if plant.build.ticks_of(new) <= tick:
+    if new.ticks <= tick:
         ends = new.run.duration_s
         raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
     return Changed(new, params, told, _notes(told))

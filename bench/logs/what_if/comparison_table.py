@@ -30,7 +30,7 @@ def show(console: Console, told: Told) -> None:
         logs.open(told.continued / "plant.mcap") as b,
         logs.open(told.continued / "controller.mcap") as b_controller,
     ):
-        tdc_ref_m = told.scenario.controller.tdc_ref_m or 0.0
+        tdc_ref_m = told.scenario.controller.tdc_ref_m
         recorded = read_truth(a, tdc_ref_m, set_points(a_controller)).strokes
         continued = read_truth(b, tdc_ref_m, set_points(b_controller)).strokes
         for note in told.notes:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import controller.build
-import plant.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
 from bench.logs.replay.turns import Turn, check_layouts, turns
@@ -33,9 +32,8 @@ from hil.errors import ConfigError, LogError
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
 from hil.ports import Recorder
+from hil.values import NEVER
 from plant.loop import PlantLoop
-
-STATUS_NEVER = 1 << 62
 
 Loop = ReplayedPlant | ReplayedController
 
@@ -103,7 +101,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
         wanted = changed(scenario, wish.assignments, wish.duration_s, tick, state)
     out = wish.out or _fresh(directory)
     _go_on(resumed, wanted, directory, out)
-    ticks = plant.build.ticks_of(wanted.scenario) - tick
+    ticks = wanted.scenario.ticks - tick
     return Told(directory, out, wanted.scenario, tick, ticks, resumed.notes + wanted.notes)
 
 
@@ -228,7 +226,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
             stack.callback(recorder.close)
             recorders[name] = recorder
         plant_loop = _closed(resumed, wanted, recorders)
-        tick, ticks = resumed.tick, plant.build.ticks_of(wanted.scenario)
+        tick, ticks = resumed.tick, wanted.scenario.ticks
         while tick < ticks:
             tick = plant_loop.turn(tick)
 
@@ -258,8 +256,8 @@ def _plant(resumed: Resumed, wanted: Changed, end: Connection, recorder: Recorde
     memory = resumed.plant.loop.remember()
     loop = PlantLoop(
         wanted.plant_params, memory.state, link=end.link, pacer=pacer, recorder=recorder,
-        status=end.status, status_every=STATUS_NEVER,
-        snapshot_every=plant.build.snapshot_every(scenario),
+        status=end.status, status_every=NEVER,
+        snapshot_every=scenario.loop.snapshot_every,
     )  # fmt: skip
     loop.recall(memory)
     return loop

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -14,17 +14,17 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.choice import check_name
 from hil import compiled
-from hil.config.base import Section, read_toml
+from hil.config.base import OneOf, Section, Tree, read_toml
 from hil.config.controller import LawName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
-from hil.config.prototypes import PROTOTYPES
+from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 
 PACKAGED = compiled.root() / "bench" / "campaigns"
 
-Tree = dict[str, Any]
+TwoChambers = Annotated[str, OneOf(e.name for e in PROTOTYPES.values() if e.chambers == 2)]
 Scalar = bool | int | float | str
 
 
@@ -79,7 +79,7 @@ class Campaign(Section):
     duration_s: float = Field(default=5.0, gt=0.0, le=3600.0)
     controllers: tuple[LawName, ...] = ("cascade",)
     models: tuple[Model, ...] = ("harmonic",)
-    prototypes: tuple[Literal["nu", "bit"], ...] = ("nu",)
+    prototypes: tuple[TwoChambers, ...] = (DEFAULT.name,)
     load: LoadSpread = LoadSpread()
     misfires: MisfireSpread | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)

@@ -12,6 +12,7 @@ from bench.run.offline import Course, simulate
 from bench.studies.campaign.config import Campaign, Drawn, draw, scenario_of
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.values import NEVER
 
 Row = dict[str, Any]
 
@@ -42,11 +43,11 @@ def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course
     Peak and settling count from the load step, or from the end of the ramp on for settling, to
     the first misfire after it.
     """
-    ref_mm = (scenario.controller.tdc_ref_m or 0.0) * 1e3
+    ref_mm = scenario.controller.tdc_ref_m * 1e3
     begin_ns = round(campaign.load.at_s * 1e9)
     ends_ns = begin_ns + round(campaign.load.ramp_s * 1e9) * bool(drawn.facts.get("ramp"))
     misfires = [e.t_ns for e in course.events if e.code == "misfire"]
-    until_ns = min((t for t in misfires if t >= begin_ns), default=1 << 62)
+    until_ns = min((t for t in misfires if t >= begin_ns), default=NEVER)
     errors = [(dc.t_ns, abs(dc.x_m) * 1e3 - ref_mm) for dc in course.dead_centres]
     before = [e for t, e in errors if begin_ns - BEFORE_S * 1e9 <= t < begin_ns]
     calm = not any(begin_ns - 1e9 * BEFORE_S <= t < begin_ns for t in misfires)
@@ -69,7 +70,7 @@ def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course
         "forced_misfires": sum(1 for key in drawn.overrides if key.startswith("events.misfire_")),
         "strokes": len(course.dead_centres),
     }
-    if until_ns < 1 << 62 and len(later) < 2 * 10:
+    if until_ns < NEVER and len(later) < 2 * 10:
         # A misfire came before anything could settle.
         found |= dict.fromkeys(("settling_ms", "settling_band_ms", "settling_mean_ms"), math.nan)
     return found

@@ -10,6 +10,7 @@ from hil.config.detailed import Calibration
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
 from hil.values import Value
+from hil.wire.messages import GENERATOR
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Motion as Arrays
 from plant.engines.detailed.engine import at_rest, begin, engine_of
@@ -17,7 +18,7 @@ from plant.engines.detailed.kernel import electric_power
 from plant.engines.detailed.settle import calibration_of, settle
 from plant.engines.detailed.solver import advance, scratch
 from plant.engines.detailed.types import Array
-from plant.engines.machine import GENERATOR, Machine
+from plant.engines.machine import Machine
 from plant.engines.protocol import (
     BY_SPARK,
     Ahead,
