@@ -2,10 +2,10 @@
 
 import math
 import shutil
-from pathlib import Path
 
 import pytest
 
+from hil import compiled
 from hil.config.plant import FmuConfig, PlantConfig
 from hil.values import replace
 from hil.wire.commands import read_event
@@ -121,8 +121,7 @@ def test_every_tick_of_an_exported_unit_has_the_bits_of_our_own_model(model):
 def test_a_number_that_python_and_c_share_stands_in_python_alone():
     from plant.engines.fast import shared
 
-    source = (shared.__file__.rpartition("/fast/")[0]) + "/fmu/source/engine.c"
-    text = Path(source).read_text()
+    text = (compiled.root() / "plant/engines/fmu/source/engine.c").read_text()
     names = [line.split()[1] for line in shared.header().splitlines() if "#define" in line]
     assert all(name in text for name in names)
     for number in ("1.0e-5", "1.0e-14", "1.0e-6", "0.020", "5.0e-4", "1.0e-13"):
