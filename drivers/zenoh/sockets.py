@@ -20,8 +20,8 @@ SERVICES: Final = Path("/run/fpeg")
 
 _TEMPORARY: Final = Path("/tmp")
 _MAX_SOCKET_PATH: Final = 107  # sun_path of a unix socket, without its closing zero
-_OTHERS: Final = 0o027
-"""What the group and everybody else must not have: the group may look and enter."""
+CLOSED: Final = 0o027
+"""What group and others must not have in a directory of sockets: the group may look and enter."""
 
 
 def own_directory() -> Path:
@@ -38,25 +38,28 @@ def own_directory() -> Path:
     return _TEMPORARY / f"hil-{os.geteuid()}"
 
 
-def made(folder: Path) -> Path:
+def made(folder: Path, variable: str = VARIABLE, refused: int = CLOSED) -> Path:
     """Return a directory for what is this user's, made where there is none.
+
+    Parameters: variable : of the environment, with which another directory is named; refused : what
+        group and others must not have
 
     Raises: ConfigError when it is another user's, or others may enter or change it
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"{folder}: {error.strerror}; {VARIABLE} names another one") from None
-    fault = _fault(folder, (os.geteuid(), 0))
+        raise ConfigError(f"{folder}: {error.strerror}; {variable} names another one") from None
+    fault = _fault(folder, (os.geteuid(), 0), refused)
     if fault:
         raise ConfigError(
             f"{folder}: {fault}; accepted is a directory of this user that nobody else can enter"
-            f" ({VARIABLE} names another one)"
+            f" ({variable} names another one)"
         )
     return folder
 
 
-def _fault(folder: Path, owners: tuple[int, ...]) -> str:
+def _fault(folder: Path, owners: tuple[int, ...], refused: int = CLOSED) -> str:
     """What is wrong with a directory, nothing if it will do; a link to one will not."""
     try:
         found = folder.lstat()
@@ -66,7 +69,7 @@ def _fault(folder: Path, owners: tuple[int, ...]) -> str:
         return "is no directory"
     if found.st_uid not in owners:
         return f"belongs to user {found.st_uid}"
-    if found.st_mode & _OTHERS:
+    if found.st_mode & refused:
         return f"has the mode {stat.S_IMODE(found.st_mode):04o}"
     return ""
 
