@@ -16,6 +16,7 @@ import zenoh
 
 from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.config import Role, session_config
+from drivers.zenoh.sockets import guard, placed
 from hil.config.process import ZenohConfig
 from hil.errors import LinkError
 
@@ -46,13 +47,16 @@ class ZenohNode:
 
     def __init__(self, role: Role, config: ZenohConfig, *, lockstep: bool) -> None:
         self.role = role
-        self.config = config
+        self.config = config = placed(config, role)
         self.lockstep = lockstep
         tree = session_config(role, config, lockstep=lockstep)
         try:
             self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
         except zenoh.ZError as error:
             raise LinkError(f"zenoh: {role} cannot open {tree['listen']}: {error}") from None
+        own = {"plant": config.plant_endpoint, "controller": config.controller_endpoint}.get(role)
+        if own is not None:
+            guard(own)
         self._alive: set[str] = set()
         self._seen = self.session.liveliness().declare_subscriber(
             self.key("alive/*"), zenoh.handlers.RingChannel(64), history=True

@@ -67,13 +67,14 @@ class ZenohConfig(Section):
     """Where the Zenoh link listens and connects; nothing beyond this machine unless said so.
 
     engine: name of the pair, part of every key
-    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`
+    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`;
+        empty: a unix socket in the engine's directory
     allow_insecure: lets an endpoint leave the machine without mutual TLS
     """
 
     engine: str = Field(default="fpeg", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")
-    plant_endpoint: str = "tcp/127.0.0.1:7447"
-    controller_endpoint: str = "tcp/127.0.0.1:7448"
+    plant_endpoint: str = ""
+    controller_endpoint: str = ""
     tls: TlsConfig | None = None
     allow_insecure: bool = False
 
