@@ -4,37 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Final
 
+from drivers.polling import WakeUp
 from hil.errors import ConfigError
 
 MAX_SPIN_S = 2e-3
 SPIN_SHARE = 0.35
 """Of a period at the most: under SCHED_FIFO a loop that never sleeps starves its own recorder."""
-
-
-_LATER_NS: Final = 1_900
-_SOONER_NS: Final = 100
-_LEAST_NS: Final = 8_000
-
-
-class WakeUp:
-    """How long before a deadline to end a sleep: what 19 of 20 wake-ups need, learnt from them.
-
-    A quantile by stochastic approximation: a wake-up that is later raises it by 19 parts, one that
-    is not lowers it by one; so a stall of the machine moves it no more than any late one does.
-    """
-
-    __slots__ = ("_most_ns", "early_ns")
-
-    def __init__(self, most_ns: int) -> None:
-        self._most_ns = most_ns
-        self.early_ns = most_ns
-
-    def woke(self, late_ns: int) -> None:
-        """Take note of how late a sleep ended [ns]."""
-        early_ns = self.early_ns + (_LATER_NS if late_ns > self.early_ns else -_SOONER_NS)
-        self.early_ns = min(max(early_ns, _LEAST_NS), self._most_ns)
 
 
 class SystemClock:

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.system.clock import SystemClock, WakeUp
+from drivers.polling import WakeUp
+from drivers.system.clock import SystemClock
 from hil.errors import ConfigError
 from hil.pacing import LockstepPacer, RealTimePacer, Slot, next_slot
 
