@@ -33,6 +33,7 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
+from hil.config.terms import terms_of
 from hil.values import NEVER
 
 
@@ -48,7 +49,9 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = with_outputs(open_link("controller", scenario.link, scenario.loop), outputs)
+    connection = with_outputs(
+        open_link("controller", scenario.link, scenario.loop, terms_of(scenario)), outputs
+    )
     duty = None
     if service is not None:
         duty = Duty(service.heart, service, connection.commands)

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.shm import memory
-from drivers.zenoh.link import PEER, ZenohNode
+from drivers.zenoh.node import PEER, ZenohNode
 from hil.errors import LinkError, MissingExtraError
 
 try:
@@ -151,14 +151,15 @@ class ShmLink:
         return self._peer in self._presence.alive()
 
     def wait_for_peer(self, timeout_s: float) -> None:
-        """Return when the peer takes part and gets what is sent to it.
+        """Return when the peer takes part, fits, and gets what is sent to it.
 
-        Raises: LinkError when it does not within the time
+        Raises: LinkError when it does not within the time; ConfigError naming what does not fit
         """
         end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
-        while not (self.peer_alive() and self._is_heard()):
+        while not (self._presence.is_met() and self._is_heard()):
             if time.monotonic_ns() > end_ns:
-                raise LinkError(f"shm: no {self._peer} after {timeout_s:g} s")
+                absent = f"shm: no {self._peer} after {timeout_s:g} s"
+                raise LinkError(absent + self._presence.absence())
             time.sleep(_PEER_POLL_S)
         memory.reserve(memory.prefix())
 
@@ -167,6 +168,10 @@ class ShmLink:
         ends = self._out.dynamic_config.number_of_subscribers
         back = self._in.dynamic_config.number_of_publishers
         return bool(ends and back)
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return (code, text) of what happened around the session since the last time."""
+        return self._presence.notices()
 
     def counters(self) -> Mapping[str, int]:
         """Return batches sent and received, and those sent while nobody listened."""
