@@ -12,12 +12,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from bench.dev import dbc, messages_page, reference_page
+from bench.dev import dbc, messages_page, record_source, reference_page
 from hil import compiled
 from hil.wire import reference
 
 OUTPUTS: Final[dict[str, Callable[[], str]]] = {
     "hil/wire/fpeg.dbc": dbc.dbc_text,
+    "hil/log/packing.py": record_source.text,
     "docs/messages.md": messages_page.page,
     "docs/commands.md": reference.text,
     "docs/reference.md": reference_page.page,

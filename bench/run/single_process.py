@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import controller.build
@@ -16,11 +16,13 @@ from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
+from drivers.recorder.client import NullRecorder, Recorder
 from drivers.system.clock import SystemClock
 from drivers.system.process import Stop, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
 from hil.config.resolved import Resolved, read_resolved
 from hil.ports import Link
+from plant.loop import PlantLoop
 from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
@@ -68,8 +70,14 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
             "times_real_time": tick / scenario.loop.rate_hz / loop_s,
         }
     )
-    raise_if_lost(plant_loop)
+    _raise_if_failed(plant_loop, recorders)
     return 0
+
+
+def _raise_if_failed(loop: PlantLoop, recorders: Sequence[Recorder | NullRecorder]) -> None:
+    raise_if_lost(loop)
+    for recorder in recorders:
+        recorder.raise_if_cut()
 
 
 def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:

@@ -7,27 +7,26 @@ import fcntl
 import json
 import os
 import select
-import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from drivers.recorder import ring, unit
-from hil import compiled
+from drivers.recorder import ring
+from drivers.recorder.account import NOTHING_LOST, Account
+from drivers.recorder.start import start
 from hil.errors import ConfigError, RunError
 from hil.log.records import Topic
 from hil.log.segments import segments_before
 from hil.log.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
+_DRAIN_BYTES_A_S = 10e6  # what a recorder takes at least, even on a busy machine
 CHUNK_BYTES = 256 << 10
-# The end of the writing process, and nothing else, is what ends a recorder process.
-_HELD_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _POLL_MS = 1
+_LOG_TIME = slice(15, 23)  # of the first record of a put
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
 
@@ -59,6 +58,9 @@ class NullRecorder:
         """Return the counts of a log without messages."""
         return LogResult(0, 0)
 
+    def raise_if_cut(self) -> None:
+        """Do nothing: what is not written cannot be cut."""
+
 
 class Recorder:
     """Hands packed records to a recorder process; `put` does no I/O.
@@ -84,6 +86,7 @@ class Recorder:
         self._blocking = blocking
         self._gone = False
         self._result: LogResult | RunError | None = None
+        self._account = Account(0, None, 0, NOTHING_LOST, 0, 0, 0)
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN | select.POLLHUP)
 
@@ -98,8 +101,11 @@ class Recorder:
         topics: Sequence[Topic] = ALL,
         ring_bytes: int = RING_BYTES,
         rotation: Rotation | None = None,
+        deferred: bool = False,
     ) -> Recorder:
         """Start the recorder process for a new log; an existing one is overwritten.
+
+        Parameters: deferred : nothing is written before the end, or before the ring fills up
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
@@ -109,13 +115,14 @@ class Recorder:
             "out": out,
             "ring": ring_fd,
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
+            "deferred": deferred,
             **_describe(topics),
             "rotation": None if rotation is None else _rotation(path, rotation),
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
         try:
-            control, process = _start(config)
+            control, process = start(config)
             producer = ring.Producer(ring_fd)
         finally:
             os.close(ring_fd)
@@ -132,7 +139,8 @@ class Recorder:
         while waits and not self._is_gone(_POLL_MS):
             if self._put(data):
                 return
-        self._producer.count_dropped()
+        t_ns = int.from_bytes(data[_LOG_TIME], "little")
+        self._producer.count_dropped(len(data), t_ns)
 
     def _is_gone(self, wait_ms: int = 0) -> bool:
         """Whether the recorder process has ended; it writes to the socket as its last act."""
@@ -150,29 +158,40 @@ class Recorder:
         """Puts that found no room."""
         return self._producer.dropped
 
-    def close(self, timeout_s: float = 10.0) -> LogResult:
+    def close(self, timeout_s: float | None = None) -> LogResult:
         """Wait until the log is finished; a second call ends as the first did.
+
+        Parameters: timeout_s : if None, as long as what is in the ring may take
 
         Raises: RunError when it was not finished in time, or not all of it could be written
         """
         if self._result is None:
             self._producer.close()
+            patience_s = 10.0 + self._producer.waiting / _DRAIN_BYTES_A_S
             try:
-                self._result = self._finish(timeout_s)
+                self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
                 self._result = error
         if isinstance(self._result, RunError):
             raise self._result
         return self._result
 
-    def _finish(self, timeout_s: float) -> LogResult:
-        result = self._wait_for_result(timeout_s)
-        if result["error"]:
-            lost = f"{result['lost_bytes']} bytes of records are lost"
-            raise RunError(f"log {self._path} ends early: {result['error']}; {lost}")
-        return LogResult(result["messages"], result["dropped"])
+    def raise_if_cut(self) -> None:
+        """Tell of records that found no room and are later than the last one of the closed log.
 
-    def _wait_for_result(self, timeout_s: float) -> dict[str, Any]:
+        Raises: RunError
+        """
+        if self._account.is_cut:
+            raise RunError(f"log {self._path} ends early: {self._account.text}")
+
+    def _finish(self, timeout_s: float) -> LogResult:
+        messages, error, lost_bytes, loss, *rest = self._wait_for_result(timeout_s)
+        self._account = account = Account(messages, error, lost_bytes, ring.Loss(*loss), *rest)
+        if account.error is not None:
+            self.raise_if_cut()
+        return LogResult(account.messages, account.loss.puts)
+
+    def _wait_for_result(self, timeout_s: float) -> list[Any]:
         deadline_s = time.monotonic() + timeout_s
         with self._control as control:
             control.shutdown(socket.SHUT_WR)
@@ -189,7 +208,7 @@ class Recorder:
         if not answer:
             code = "no message" if self._process is None else self._process.wait()
             raise RunError(f"log {self._path}: its recorder ended with {code}, repair the file")
-        result: dict[str, Any] = json.loads(answer)
+        result: list[Any] = json.loads(answer)
         return result
 
 
@@ -260,37 +279,3 @@ def _describe(topics: Sequence[Topic]) -> dict[str, Any]:
             schemas.append((numbers[topic.schema_name], topic.schema_name, topic.definition))
     channels = [(topic.channel_id, topic.name, numbers[topic.schema_name]) for topic in topics]
     return {"schemas": schemas, "channels": channels}
-
-
-def _start(config: Mapping[str, Any]) -> tuple[socket.socket, subprocess.Popen[bytes] | None]:
-    """Start a recorder process, or have the service manager start one; returns the control end."""
-    address = os.environ.get(unit.VARIABLE, "")
-    if address:
-        return unit.hand_over(address, config), None
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        return ours, _spawn({**config, "control": theirs.fileno()})
-
-
-def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:
-    """Start the recorder process in a session of its own, with the descriptors in `config`."""
-    described = os.memfd_create("hil-recorder-config")
-    with os.fdopen(described, "w+") as standard_input:
-        json.dump(config, standard_input)
-        standard_input.flush()
-        standard_input.seek(0)
-        root = str(compiled.root())
-        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-        # Held back until the new process, which inherits the mask, can ignore them itself.
-        held = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_SIGNALS)
-        try:
-            return subprocess.Popen(
-                [sys.executable, "-P", "-m", "drivers.recorder.process"],
-                stdin=standard_input,
-                stdout=subprocess.DEVNULL,
-                pass_fds=(config["out"], config["ring"], config["control"]),
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-                start_new_session=True,
-            )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, held)

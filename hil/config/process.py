@@ -128,6 +128,7 @@ class LogConfig(Section):
     plant, controller: files to write
     segment_bytes, segment_s: where a log goes on in another file
     retain_bytes: how much of the earlier files is kept
+    defer: nothing is written before the end of the run, which is kept in memory until then
     """
 
     enabled: bool = True
@@ -136,6 +137,7 @@ class LogConfig(Section):
     segment_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 50)
     segment_s: float | None = Field(default=None, gt=0.0, le=1e6)
     retain_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 60)
+    defer: bool = False
 
     @model_validator(mode="after")
     def _retaining_needs_segments(self) -> LogConfig:
