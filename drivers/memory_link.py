@@ -6,13 +6,14 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from hil.errors import LinkError
+from hil.ports import Link
 
 
 def _nothing() -> None:
     """Stand in for a peer's turn where none is set."""
 
 
-class MemoryLink:
+class MemoryLink(Link):
     """One end of a pair.
 
     `on_send` runs at the end of every `send`: where plant and controller share a thread it is the

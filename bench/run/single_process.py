@@ -12,18 +12,18 @@ from pathlib import Path
 import controller.build
 import controller.follow
 import plant.build
-from controller.loop import ControllerLoop
+from bench.run import lockstep
 from drivers.channels import MemoryStatus
 from drivers.links import open_memory
-from drivers.memory_link import MemoryLink
 from drivers.system.clock import SystemClock
 from drivers.system.process import Stop, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
 from hil.config.resolved import Resolved, read_resolved
-from hil.ports import Link
 from plant.status import facts, raise_if_lost
 
 _TELL_EVERY_S = 0.1
+_LOOK_EVERY = 50
+"""Ticks between two looks whether the run is to end."""
 
 
 def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None) -> int:
@@ -44,8 +44,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         plant_loop = plant.build.make_loop(scenario, plant_end, recorders[0], pacer)
         pacer = controller.build.make_pacer(scenario, SystemClock(scenario.realtime.spin_s))
         controller_loop = controller.build.make_loop(scenario, controller_end, recorders[1], pacer)
-        assert isinstance(plant_end.link, MemoryLink)
-        plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
+        lockstep.join(plant_end.link, controller_end.link, controller_loop)
         for name, end in (("plant", plant_end), ("controller", controller_end)):
             assert isinstance(end.status, MemoryStatus)
             end.status.on_publish = _tell_of(name)
@@ -53,7 +52,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         start_s = time.perf_counter()
         tick, ticks = 0, scenario.ticks
         while tick < ticks and not stop.requested:
-            tick = plant_loop.turn(tick)
+            tick = lockstep.run_ticks(plant_loop, tick, min(tick + _LOOK_EVERY, ticks))
         loop_s = time.perf_counter() - start_s
     finally:
         with contextlib.ExitStack() as closing:  # each is closed, whatever another one says
@@ -84,15 +83,6 @@ def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:
             last_words({"process": name, **status})
 
     return tell
-
-
-def turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:
-    """The controller's turn, for the memory link to run at the end of the plant's send."""
-
-    def turn() -> None:
-        loop.turn(link.receive())
-
-    return turn
 
 
 def main() -> int:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.recorder import ring, unit
-from hil import compiled
+from hil import compiled, ports
 from hil.errors import ConfigError, RunError
 from hil.log.records import Topic
 from hil.log.segments import segments_before
@@ -47,7 +47,7 @@ class LogResult(NamedTuple):
     dropped: int
 
 
-class NullRecorder:
+class NullRecorder(ports.Recorder):
     """A recorder for runs without a log."""
 
     pid: int | None = None
@@ -60,7 +60,7 @@ class NullRecorder:
         return LogResult(0, 0)
 
 
-class Recorder:
+class Recorder(ports.Recorder):
     """Hands packed records to a recorder process; `put` does no I/O.
 
     A full ring makes a blocking recorder wait and another one drop the put, which it counts.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 
 from hil.errors import ConfigError
+from hil.ports import Clock
 
 MAX_SPIN_S = 2e-3
 SPIN_SHARE = 0.35
 """Of a period at the most: under SCHED_FIFO a loop that never sleeps starves its own recorder."""
 
 
-class SystemClock:
+class SystemClock(Clock):
     """CLOCK_MONOTONIC [ns].
 
     A sleeping thread wakes 50 to 100 us late, a spinning one within a microsecond; so the last

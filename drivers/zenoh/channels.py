@@ -18,12 +18,13 @@ from drivers.channels import (
 )
 from drivers.zenoh.link import ZenohNode, give_back, is_heard
 from hil.errors import LinkError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
 
 _POLL_S: Final = 0.02  # of the live view; a person sees no difference below it
 
 
-class ZenohCommands:
+class ZenohCommands(CommandSource):
     """A process's side of the command key."""
 
     def __init__(self, node: ZenohNode) -> None:
@@ -51,7 +52,7 @@ class ZenohCommands:
             give_back(self._subscriber.undeclare)
 
 
-class ZenohStatus:
+class ZenohStatus(StatusSink):
     """A process's side of its status key."""
 
     def __init__(self, node: ZenohNode) -> None:

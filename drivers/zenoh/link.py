@@ -18,6 +18,7 @@ from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.config import Role, session_config
 from hil.config.process import ZenohConfig
 from hil.errors import LinkError
+from hil.ports import Link
 
 _CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
 _PEER_POLL_S: Final = 2e-3
@@ -84,7 +85,7 @@ class ZenohNode:
             give_back(*token, self._seen.undeclare, self.session.close)
 
 
-class ZenohLink:
+class ZenohLink(Link):
     """One end of the link: publishes on its own frames key, polls the peer's."""
 
     def __init__(self, node: ZenohNode, period_ns: int) -> None:
