@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
+from mypy_extensions import i64
+
 from hil.errors import LinkError
 from hil.ports import Link
 
@@ -51,7 +53,7 @@ class MemoryLink(Link):
         self._taken += 1
         return self.inbox.popleft()
 
-    def wait(self, _timeout_ns: int, /) -> bytes | None:
+    def wait(self, _timeout_ns: i64, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""
         return self.receive()
 
