@@ -17,6 +17,7 @@ from drivers.recorder import ring, succession
 from drivers.recorder.account import NOTHING_LOST, Account
 from drivers.recorder.output import open_output
 from drivers.recorder.start import describe, joined
+from hil import ports
 from hil.errors import RunError
 from hil.log.records import Topic
 from hil.log.topics import ALL
@@ -46,7 +47,7 @@ class LogResult(NamedTuple):
     dropped: int
 
 
-class NullRecorder:
+class NullRecorder(ports.Recorder):
     """A recorder for runs without a log."""
 
     pid: int | None = None
@@ -65,7 +66,7 @@ class NullRecorder:
         """Do nothing: what is not written cannot be cut."""
 
 
-class Recorder:
+class Recorder(ports.Recorder):
     """Hands packed records to a recorder process; `put` does no I/O.
 
     A full ring makes a blocking recorder wait and another one drop the put, which it counts.
