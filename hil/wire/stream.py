@@ -44,8 +44,7 @@ class Stream(Generic[MessageT]):
             return True
         if crc8(bare) != bare & 0xFFF:
             return False
-        self.counter, self.bare = counter, bare
-        self.message = self.unpack(bare)
+        self.take(counter, bare)
         return True
 
     def take(self, counter: i64, bare: i64) -> None:
