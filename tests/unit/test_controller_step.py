@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from controller.actuator import Machine
+from controller.actuator import Machine, messages
 from controller.build import initial_state, make_params
 from controller.mode.start_restart import Mode
 from controller.state import Inputs
@@ -75,9 +75,10 @@ def test_every_answer_can_be_encoded_and_names_its_tick():
     _, outputs = run(p, initial_state(p), range(120))
     encoder, decoder = Encoder(), Decoder("controller")
     for tick, output in enumerate(outputs):
-        head, *rest = decoder.decode(encoder.encode(output.messages))
+        sent = messages(tick, output.mode, output.machine, output.throttle, output.pulses)
+        head, *rest = decoder.decode(encoder.encode(sent))
         assert head.tick == tick
-        assert head.frame_count == 1 + len(rest) == len(output.messages)
+        assert head.frame_count == 1 + len(rest) == len(sent)
 
 
 def test_settled_engine_reports_every_stroke_once():
