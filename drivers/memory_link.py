@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 
 from hil.errors import LinkError
@@ -22,7 +21,7 @@ class MemoryLink:
     __slots__ = ("closed", "_dropped", "inbox", "peer", "_sent", "_taken", "on_send")
 
     def __init__(self) -> None:
-        self.inbox: deque[bytes] = deque()
+        self.inbox: list[bytes] = []
         self.peer = self
         self.closed = False
         self._sent = self._taken = self._dropped = 0
@@ -48,7 +47,7 @@ class MemoryLink:
         if not self.inbox:
             return None
         self._taken += 1
-        return self.inbox.popleft()
+        return self.inbox.pop(0)
 
     def wait(self, _timeout_ns: int, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""

@@ -24,10 +24,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
+from hil.rounding import SHIFT
 from hil.wire.e2e import counter_marks, crc8
 from hil.wire.fields import LAYOUTS
 from {module} import {names}
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 '''
@@ -93,7 +94,7 @@ def _pack(layout: Layout) -> Iterator[str]:
         low, high = map(float if placed.is_float else int, signal.raw_range)
         value = f"message.{name}"
         if placed.is_float:
-            value = f"({value} / {float(signal.scale)!r} + ROUND) - ROUND"
+            value = f"({value} / {float(signal.scale)!r} + SHIFT) - SHIFT"
         lines = [
             f"{name} = {value}",
             f"if not {low!r} <= {name} <= {high!r}:",

@@ -10,10 +10,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
+from hil.rounding import SHIFT
 from hil.wire.e2e import counter_marks, crc8
 from hil.wire.fields import LAYOUTS
 from hil.wire.messages import PistonSample, PlantTick
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 
@@ -47,19 +48,19 @@ class PlantTickStream(Stream[PlantTick]):
             refuse(message, "slow")
         word |= slow << 47
         if slow == 0:
-            electric_power_w = (message.electric_power_w / 1.0 + ROUND) - ROUND
+            electric_power_w = (message.electric_power_w / 1.0 + SHIFT) - SHIFT
             if not -16384.0 <= electric_power_w <= 16383.0:
                 refuse(message, "electric_power_w")
             raw = int(electric_power_w)
             word |= raw << 49
         if slow == 1:
-            p_left_pa = (message.p_left_pa / 1000.0 + ROUND) - ROUND
+            p_left_pa = (message.p_left_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_left_pa <= 32767.0:
                 refuse(message, "p_left_pa")
             raw = int(p_left_pa)
             word |= ((raw ^ 16384) - 16384) << 49
         if slow == 2:
-            p_right_pa = (message.p_right_pa / 1000.0 + ROUND) - ROUND
+            p_right_pa = (message.p_right_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_right_pa <= 32767.0:
                 refuse(message, "p_right_pa")
             raw = int(p_right_pa)
@@ -109,12 +110,12 @@ class PistonSampleStream(Stream[PistonSample]):
         """Return the bare word of a message."""
         word: i64 = 0
         raw: i64
-        x_m = (message.x_m / 1e-08 + ROUND) - ROUND
+        x_m = (message.x_m / 1e-08 + SHIFT) - SHIFT
         if not -8000000.0 <= x_m <= 8000000.0:
             refuse(message, "x_m")
         raw = int(x_m)
         word |= (raw & 16777215) << 12
-        v_m_s = (message.v_m_s / 1e-06 + ROUND) - ROUND
+        v_m_s = (message.v_m_s / 1e-06 + SHIFT) - SHIFT
         if not -8000000.0 <= v_m_s <= 8000000.0:
             refuse(message, "v_m_s")
         raw = int(v_m_s)
