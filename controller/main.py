@@ -40,7 +40,7 @@ from hil.values import NEVER
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the controller to its end; as a service, until it is asked to end.
 
-    Raises: RunError when the plant was lost, ConfigError, LinkError
+    Raises: RunError when the plant was lost or the log is cut, ConfigError, LinkError
     """
     stop = Stop()
     stop.listen()
@@ -82,6 +82,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
+    recorder.raise_if_cut()
     return 0
 
 

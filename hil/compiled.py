@@ -28,11 +28,12 @@ GROUP: Final = "fpeg_hil"
 PATTERNS: Final = (
     "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
     "hil/wire/e2e.py", "hil/wire/pulses.py",
-    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py", "hil/rounding.py",
+    "hil/log/packing.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "hil/rounding.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
-    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",
-    "drivers/can/assembly.py", "bench/run/offline.py",
+    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/recorder/index.py",
+    "drivers/polling.py", "drivers/can/assembly.py", "bench/run/offline.py",
 )  # fmt: skip
 _START_UP: Final = ("__init__.py", "main.py", "build.py", "follow.py", "commands.py")
 """Not worth it: read once, or no more than a wait and a turn."""

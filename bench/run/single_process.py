@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import controller.build
@@ -68,7 +68,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         }
     )
     stop.raise_if_caused()
-    raise_if_lost(plant_loop)
+    _raise_if_failed(plant_loop, recorders)
     return 0
 
 
@@ -129,6 +129,12 @@ def _to_safe_state(
     brake(stop, recorders[1], tick, t_ns, lambda: True)
     brake(stop, recorders[0], tick, t_ns, turn)
     return tick
+
+
+def _raise_if_failed(loop: PlantLoop, recorders: Sequence[Recorder | NullRecorder]) -> None:
+    raise_if_lost(loop)
+    for recorder in recorders:
+        recorder.raise_if_cut()
 
 
 def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:

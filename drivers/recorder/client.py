@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from drivers.recorder import ring, succession
+from drivers.recorder.account import NOTHING_LOST, Account
 from drivers.recorder.start import describe, joined
 from hil.errors import ConfigError, RunError
 from hil.log.records import Topic
@@ -23,8 +24,10 @@ from hil.log.segments import segments_before
 from hil.log.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
+_DRAIN_BYTES_A_S = 10e6  # what a recorder takes at least, even on a busy machine
 CHUNK_BYTES = 256 << 10
 _POLL_MS = 1
+_LOG_TIME = slice(15, 23)  # of the first record of a put
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
 OnEnd = Callable[[str, str], None]  # with the code of an event and its text
@@ -60,6 +63,9 @@ class NullRecorder:
         """Return the counts of a log without messages."""
         return LogResult(0, 0)
 
+    def raise_if_cut(self) -> None:
+        """Do nothing: what is not written cannot be cut."""
+
 
 class Recorder:
     """Hands packed records to a recorder process; `put` does no I/O.
@@ -87,6 +93,7 @@ class Recorder:
         self._blocking = blocking
         self._gone = self._closing = False
         self._result: LogResult | RunError | None = None
+        self._account = Account(0, None, 0, NOTHING_LOST, 0, 0, 0)
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN | select.POLLHUP)
 
@@ -101,14 +108,18 @@ class Recorder:
         topics: Sequence[Topic] = ALL,
         ring_bytes: int = RING_BYTES,
         rotation: Rotation | None = None,
+        deferred: bool = False,
     ) -> Recorder:
         """Start the recorder process for a new log; an existing one is overwritten.
+
+        Parameters: deferred : nothing is written before the end, or before the ring fills up
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
         config = {
             "ring_bytes": ring_bytes,
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
+            "deferred": deferred,
             **describe(topics),
             "rotation": None if rotation is None else _rotation(path, rotation),
             "metadata": {name: dict(values) for name, values in metadata.items()},
@@ -126,7 +137,8 @@ class Recorder:
         while waits and not self._is_gone(_POLL_MS):
             if self._put(data):
                 return
-        self._producer.count_dropped()
+        t_ns = int.from_bytes(data[_LOG_TIME], "little")
+        self._producer.count_dropped(len(data), t_ns)
 
     def _is_gone(self, wait_ms: int = 0) -> bool:
         """Whether the recorder process has ended; it writes to the socket as its last act."""
@@ -190,30 +202,41 @@ class Recorder:
 
         self._put = put_both
 
-    def close(self, timeout_s: float = 10.0) -> LogResult:
+    def close(self, timeout_s: float | None = None) -> LogResult:
         """Wait until the log is finished; a second call ends as the first did.
+
+        Parameters: timeout_s : if None, as long as what is in the ring may take
 
         Raises: RunError when it was not finished in time, or not all of it could be written
         """
         self._closing = True
         if self._result is None:
             self._producer.close()
+            patience_s = 10.0 + self._producer.waiting / _DRAIN_BYTES_A_S
             try:
-                self._result = self._finish(timeout_s)
+                self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
                 self._result = error
         if isinstance(self._result, RunError):
             raise self._result
         return self._result
 
-    def _finish(self, timeout_s: float) -> LogResult:
-        result = self._wait_for_result(timeout_s)
-        if result["error"]:
-            lost = f"{result['lost_bytes']} bytes of records are lost"
-            raise RunError(f"log {self._path} ends early: {result['error']}; {lost}")
-        return LogResult(result["messages"], result["dropped"])
+    def raise_if_cut(self) -> None:
+        """Tell of records that found no room and are later than the last one of the closed log.
 
-    def _wait_for_result(self, timeout_s: float) -> dict[str, Any]:
+        Raises: RunError
+        """
+        if self._account.is_cut:
+            raise RunError(f"log {self._path} ends early: {self._account.text}")
+
+    def _finish(self, timeout_s: float) -> LogResult:
+        messages, error, lost_bytes, loss, *rest = self._wait_for_result(timeout_s)
+        self._account = account = Account(messages, error, lost_bytes, ring.Loss(*loss), *rest)
+        if account.error is not None:
+            self.raise_if_cut()
+        return LogResult(account.messages, account.loss.puts)
+
+    def _wait_for_result(self, timeout_s: float) -> list[Any]:
         deadline_s = time.monotonic() + timeout_s
         with self._control as control:
             control.shutdown(socket.SHUT_WR)
@@ -230,7 +253,7 @@ class Recorder:
         if not answer:
             code = "no message" if self._process is None else self._process.wait()
             raise RunError(f"log {self._path}: its recorder ended with {code}, repair the file")
-        result: dict[str, Any] = json.loads(answer)
+        result: list[Any] = json.loads(answer)
         return result
 
 
