@@ -73,8 +73,11 @@ class Encoder:
             stream = self._streams[type(message)]
             counter = stream.counter + 1 & 0xF
             stream.counter = counter
+            if message is not stream.message:
+                stream.bare = stream.pack(message)
+                stream.message = message
             write_i16_le(writer, stream.can_id)
-            write_i64_le(writer, stream.pack(message) ^ stream.marks[counter])
+            write_i64_le(writer, stream.bare ^ stream.marks[counter])
         return writer.getvalue()
 
     @property
