@@ -158,6 +158,11 @@ class Recorder:
         """Puts that found no room."""
         return self._producer.dropped
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that the recorder process has not taken yet."""
+        return self._producer.waiting
+
     def close(self, timeout_s: float | None = None) -> LogResult:
         """Wait until the log is finished; a second call ends as the first did.
 
@@ -167,7 +172,7 @@ class Recorder:
         """
         if self._result is None:
             self._producer.close()
-            patience_s = 10.0 + self._producer.waiting / _DRAIN_BYTES_A_S
+            patience_s = 10.0 + self.waiting / _DRAIN_BYTES_A_S
             try:
                 self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
