@@ -155,6 +155,11 @@ class Recorder(ports.Recorder):
         """Puts that found no room."""
         return self._producer.dropped
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that the recorder process has not taken yet."""
+        return self._producer.waiting
+
     def watch(self, policy: str, on_end: OnEnd) -> None:
         """Have the loss of the recorder process noticed when it happens, by a signal.
 
@@ -211,7 +216,7 @@ class Recorder(ports.Recorder):
         self._closing = True
         if self._result is None:
             self._producer.close()
-            patience_s = 10.0 + self._producer.waiting / _DRAIN_BYTES_A_S
+            patience_s = 10.0 + self.waiting / _DRAIN_BYTES_A_S
             try:
                 self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
