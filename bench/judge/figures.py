@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.judge.cause import NO_TRACE, Trace, read_trace
 from bench.judge.electric import Electric, read_electric
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
@@ -48,6 +49,7 @@ class RunData(NamedTuple):
     instants: tuple[Instant, ...]
     electric: Electric
     mode: str
+    trace: Trace = NO_TRACE
 
     @property
     def strokes(self) -> Strokes:
@@ -85,6 +87,7 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             instants(scenario, happenings),
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
             _last_mode(scenario, happenings, controller),
+            read_trace(scenario, happenings, both),
         )
 
 
