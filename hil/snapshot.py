@@ -100,10 +100,7 @@ def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
     """The type of each field; compiled classes have lost theirs, which are read from the source."""
     if not compiled.is_compiled(kind.__module__):
         return get_type_hints(kind.__init__ if issubclass(kind, Value) else kind)
-    scope = vars(sys.modules[kind.__module__])
-    source = compiled.root() / f"{kind.__module__.replace('.', '/')}.py"
-    tree = ast.parse(source.read_text(encoding="utf-8"))
-    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    scope, found = vars(sys.modules[kind.__module__]), compiled.class_source(kind)
     return {name: eval(ast.unparse(annotation), scope) for name, annotation in _annotations(found)}
 
 

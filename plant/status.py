@@ -9,10 +9,15 @@ from hil.ports import Ports
 from plant.loop import PlantLoop
 
 
+def is_safe(loop: PlantLoop) -> bool:
+    """Whether the plant is in its safe state."""
+    return loop.state.stale >= loop.params.stale_ticks
+
+
 def describe(loop: PlantLoop) -> str:
     """How the plant is, in one line."""
     state = loop.state
-    how = "safe state" if state.stale >= loop.params.stale_ticks else "controlled"
+    how = "safe state" if is_safe(loop) else "controlled"
     return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
 
 
@@ -21,7 +26,7 @@ def raise_if_lost(loop: PlantLoop) -> None:
 
     Raises: RunError
     """
-    if loop.state.stale >= loop.params.stale_ticks:
+    if is_safe(loop):
         if not loop.answered:
             raise RunError("controller never answered")
         raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")

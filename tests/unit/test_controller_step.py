@@ -11,6 +11,7 @@ from controller.mode.start_restart import Mode
 from controller.state import Inputs
 from controller.step import step
 from hil.config.controller import ControllerConfig
+from hil.values import replace
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import GENERATOR, OFF, PistonSample
@@ -172,7 +173,7 @@ def failing(tick, fails_at):
     """A stroke that begins with an unburnt charge: the piston hardly leaves its dead centre."""
     sample = swing(tick)
     half = 1e3 * math.pi / OMEGA
-    return sample._replace(v_m_s=0.15 * sample.v_m_s) if fails_at <= tick / half else sample
+    return replace(sample, v_m_s=0.15 * sample.v_m_s) if fails_at <= tick / half else sample
 
 
 def test_charge_that_did_not_burn_is_seen_a_quarter_of_a_stroke_later():
