@@ -23,6 +23,7 @@ from hil.ports import Ports, Recorder
 from hil.values import NEVER, Value
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand, parse
+from hil.wire.messages import Message
 from hil.wire.status import ControllerStatus
 
 _COMMAND_EVERY: Final = 10
@@ -62,6 +63,7 @@ class ControllerLoop:
         self.peer_timeout_s = peer_timeout_s
         self.reception = Reception(params.period_ns)
         self._encoder = Encoder()
+        self._answer: tuple[Message, ...] = ()
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
         self._pacer = pacer
         self._recorder = recorder
@@ -119,8 +121,10 @@ class ControllerLoop:
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
-        answer = messages(self.tick, output.mode, output.machine, output.throttle, output.pulses)
-        frames = self._encoder.encode(answer)
+        self._answer = messages(
+            self.tick, output.mode, output.machine, output.throttle, output.pulses, self._answer
+        )
+        frames = self._encoder.encode(self._answer)
         self._link.send(frames)
         return frames
 

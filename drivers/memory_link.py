@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 
 from mypy_extensions import i64
@@ -25,7 +24,7 @@ class MemoryLink(Link):
     __slots__ = ("closed", "_dropped", "inbox", "peer", "_sent", "_taken", "on_send")
 
     def __init__(self) -> None:
-        self.inbox: deque[bytes] = deque()
+        self.inbox: list[bytes] = []
         self.peer = self
         self.closed = False
         self._sent = self._taken = self._dropped = 0
@@ -51,7 +50,7 @@ class MemoryLink(Link):
         if not self.inbox:
             return None
         self._taken += 1
-        return self.inbox.popleft()
+        return self.inbox.pop(0)
 
     def wait(self, _timeout_ns: i64, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""

@@ -94,10 +94,8 @@ class Answers:
             return self._unanswered(tick)
         self._silent_turns = 0
         head, machine, pulses = _read(self.decoder.decode(arrived[0]))
-        for batch in arrived[1:]:
-            next_head, next_machine, newer = _read(self.decoder.decode(batch))
-            head, machine = next_head or head, next_machine or machine
-            pulses = wire.superseded(pulses, newer)
+        if len(arrived) > 1:
+            head, machine, pulses = self._read_on(arrived, head, machine, pulses)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
@@ -110,6 +108,18 @@ class Answers:
             if machine is not None:
                 self._throttle = machine.throttle
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
+
+    def _read_on(
+        self, arrived: list[bytes], head: ControllerTick | None, machine: MachineCommand | None,
+        pulses: list[Pulse],
+    ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:  # fmt: skip
+        """Decode the answers after the first, of which the newer counts."""
+        for batch in arrived[1:]:
+            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            head = head if next_head is None else next_head
+            machine = machine if next_machine is None else next_machine
+            pulses = wire.superseded(pulses, newer)
+        return head, machine, pulses
 
     def _is_repeated(self, mode: int, machine: MachineCommand | None, pulses: list[Pulse]) -> bool:
         """Whether an answer says what the last one did; a repeated frame is the same message."""

@@ -29,9 +29,10 @@ from plant.rig.step import step
 from plant.sensors import sample, sensed
 
 _NAN: Final = float("nan")
-_X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
-_POWER_MOST = most_of(PlantTick, "electric_power_w")
-_P_MOST = most_of(PlantTick, "p_left_pa")
+_X_MOST: Final = most_of(PistonSample, "x_m")
+_V_MOST: Final = most_of(PistonSample, "v_m_s")
+_POWER_MOST: Final = most_of(PlantTick, "electric_power_w")
+_P_MOST: Final = most_of(PlantTick, "p_left_pa")
 _COMMAND_EVERY: Final = 10
 _NO_EVENTS: Final[tuple[Event, ...]] = ()
 

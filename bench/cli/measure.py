@@ -71,6 +71,18 @@ def step(
 
 
 @app.command()
+def recorder(
+    *,
+    ticks: Annotated[int, typer.Option(min=10_000, max=100_000_000)] = 1_000_000,
+    out: OutOption = None,
+) -> None:
+    """Print how many ticks a second a recorder process takes, compression included."""
+    from bench.measure.recorder_cost import run
+
+    raise typer.Exit(run(ticks, out))
+
+
+@app.command()
 def soak(
     *,
     minutes: Annotated[float, typer.Option(min=0.1, max=10_000.0, help="How long.")] = 30.0,

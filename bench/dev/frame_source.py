@@ -24,10 +24,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
+from hil.rounding import SHIFT
 from hil.wire.e2e import counter_marks, crc8
 from hil.wire.fields import LAYOUTS
 from {module} import {names}
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 '''
@@ -86,18 +87,22 @@ def _stream(layout: Layout) -> str:
 def _pack(layout: Layout) -> Iterator[str]:
     """Lines of `pack`: each value in range, rounded, at its place; then the CRC of them all."""
     yield "word: i64 = 0"
+    if any(placed.is_float for placed in layout.fields):
+        yield "raw: i64"
     for placed in layout.fields:
         name, signal = placed.name, placed.signal
         low, high = map(float if placed.is_float else int, signal.raw_range)
         value = f"message.{name}"
         if placed.is_float:
-            value = f"({value} / {float(signal.scale)!r} + ROUND) - ROUND"
+            value = f"({value} / {float(signal.scale)!r} + SHIFT) - SHIFT"
         lines = [
             f"{name} = {value}",
             f"if not {low!r} <= {name} <= {high!r}:",
             f'    refuse(message, "{name}")',
-            f"word |= {_placed(placed)} << {placed.start_bit}",
         ]
+        if placed.is_float:
+            lines.append(f"raw = int({name})")
+        lines.append(f"word |= {_placed(placed)} << {placed.start_bit}")
         yield from _when(layout, placed, lines)
     yield "return word | crc8(word)"
 
@@ -105,7 +110,7 @@ def _pack(layout: Layout) -> Iterator[str]:
 def _placed(placed: Placed) -> str:
     """A raw value within its range as the bits of its field; bit 63 is the sign of the word."""
     bits = placed.signal.bits
-    raw = f"int({placed.name})" if placed.is_float else placed.name
+    raw = "raw" if placed.is_float else placed.name
     if placed.start_bit + bits == _WORD_BITS:
         return raw if placed.signal.signed else f"(({raw} ^ {_half(bits)}) - {_half(bits)})"
     return f"({raw} & {(1 << bits) - 1})" if placed.signal.signed else raw

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final, Generic, NoReturn, TypeVar
+from typing import Generic, NoReturn, TypeVar
 
 from mypy_extensions import i16, i64
 
 from hil.errors import CodecError
 from hil.wire.e2e import crc8
 from hil.wire.fields import refusal
-
-ROUND: Final = 6755399441055744.0
-"""2^52 + 2^51: adding it to a number below 2^51 and taking it off rounds half to even."""
 
 MessageT = TypeVar("MessageT")
 
@@ -44,8 +41,7 @@ class Stream(Generic[MessageT]):
             return True
         if crc8(bare) != bare & 0xFFF:
             return False
-        self.counter, self.bare = counter, bare
-        self.message = self.unpack(bare)
+        self.take(counter, bare)
         return True
 
     def take(self, counter: i64, bare: i64) -> None:

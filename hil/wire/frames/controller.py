@@ -10,10 +10,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
+from hil.rounding import SHIFT
 from hil.wire.e2e import counter_marks, crc8
 from hil.wire.fields import LAYOUTS
 from hil.wire.messages import ControllerTick, MachineCommand, Pulse
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 
@@ -77,22 +78,26 @@ class MachineCommandStream(Stream[MachineCommand]):
     def pack(self, message: MachineCommand) -> i64:
         """Return the bare word of a message."""
         word: i64 = 0
+        raw: i64
         mode = message.mode
         if not 0 <= mode <= 2:
             refuse(message, "mode")
         word |= mode << 12
-        force_n = (message.force_n / 0.01 + ROUND) - ROUND
+        force_n = (message.force_n / 0.01 + SHIFT) - SHIFT
         if not -500000.0 <= force_n <= 500000.0:
             refuse(message, "force_n")
-        word |= (int(force_n) & 1048575) << 14
-        load_coefficient_n_s_m = (message.load_coefficient_n_s_m / 0.01 + ROUND) - ROUND
+        raw = int(force_n)
+        word |= (raw & 1048575) << 14
+        load_coefficient_n_s_m = (message.load_coefficient_n_s_m / 0.01 + SHIFT) - SHIFT
         if not 0.0 <= load_coefficient_n_s_m <= 1000000.0:
             refuse(message, "load_coefficient_n_s_m")
-        word |= int(load_coefficient_n_s_m) << 34
-        throttle = (message.throttle / 0.004 + ROUND) - ROUND
+        raw = int(load_coefficient_n_s_m)
+        word |= raw << 34
+        throttle = (message.throttle / 0.004 + SHIFT) - SHIFT
         if not 0.0 <= throttle <= 250.0:
             refuse(message, "throttle")
-        word |= int(throttle) << 54
+        raw = int(throttle)
+        word |= raw << 54
         return word | crc8(word)
 
     def unpack(self, word: i64) -> MachineCommand | None:

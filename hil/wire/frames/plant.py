@@ -10,10 +10,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
+from hil.rounding import SHIFT
 from hil.wire.e2e import counter_marks, crc8
 from hil.wire.fields import LAYOUTS
 from hil.wire.messages import PistonSample, PlantTick
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 
@@ -33,6 +34,7 @@ class PlantTickStream(Stream[PlantTick]):
     def pack(self, message: PlantTick) -> i64:
         """Return the bare word of a message."""
         word: i64 = 0
+        raw: i64
         tick = message.tick
         if not 0 <= tick <= 4294967295:
             refuse(message, "tick")
@@ -46,20 +48,23 @@ class PlantTickStream(Stream[PlantTick]):
             refuse(message, "slow")
         word |= slow << 47
         if slow == 0:
-            electric_power_w = (message.electric_power_w / 1.0 + ROUND) - ROUND
+            electric_power_w = (message.electric_power_w / 1.0 + SHIFT) - SHIFT
             if not -16384.0 <= electric_power_w <= 16383.0:
                 refuse(message, "electric_power_w")
-            word |= int(electric_power_w) << 49
+            raw = int(electric_power_w)
+            word |= raw << 49
         if slow == 1:
-            p_left_pa = (message.p_left_pa / 1000.0 + ROUND) - ROUND
+            p_left_pa = (message.p_left_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_left_pa <= 32767.0:
                 refuse(message, "p_left_pa")
-            word |= ((int(p_left_pa) ^ 16384) - 16384) << 49
+            raw = int(p_left_pa)
+            word |= ((raw ^ 16384) - 16384) << 49
         if slow == 2:
-            p_right_pa = (message.p_right_pa / 1000.0 + ROUND) - ROUND
+            p_right_pa = (message.p_right_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_right_pa <= 32767.0:
                 refuse(message, "p_right_pa")
-            word |= ((int(p_right_pa) ^ 16384) - 16384) << 49
+            raw = int(p_right_pa)
+            word |= ((raw ^ 16384) - 16384) << 49
         return word | crc8(word)
 
     def unpack(self, word: i64) -> PlantTick | None:
@@ -104,14 +109,17 @@ class PistonSampleStream(Stream[PistonSample]):
     def pack(self, message: PistonSample) -> i64:
         """Return the bare word of a message."""
         word: i64 = 0
-        x_m = (message.x_m / 1e-08 + ROUND) - ROUND
+        raw: i64
+        x_m = (message.x_m / 1e-08 + SHIFT) - SHIFT
         if not -8000000.0 <= x_m <= 8000000.0:
             refuse(message, "x_m")
-        word |= (int(x_m) & 16777215) << 12
-        v_m_s = (message.v_m_s / 1e-06 + ROUND) - ROUND
+        raw = int(x_m)
+        word |= (raw & 16777215) << 12
+        v_m_s = (message.v_m_s / 1e-06 + SHIFT) - SHIFT
         if not -8000000.0 <= v_m_s <= 8000000.0:
             refuse(message, "v_m_s")
-        word |= (int(v_m_s) & 16777215) << 36
+        raw = int(v_m_s)
+        word |= (raw & 16777215) << 36
         return word | crc8(word)
 
     def unpack(self, word: i64) -> PistonSample | None:
