@@ -1,7 +1,7 @@
 """The closed loop in one thread: over a link in memory, or without wire, processes and log.
 
-Without them the step functions of plant and controller run in turn, the same as in the processes, so
-the same strokes to the resolution of the wire: what tuning and comparisons run thousands of times.
+Without them the step functions of plant and controller run in turn, the same as in the processes,
+so the same strokes to the resolution of the wire: what tuning and comparisons run by the thousand.
 """
 
 from __future__ import annotations
