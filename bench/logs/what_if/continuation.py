@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
 from bench.run import directory as outdir
 from bench.run import offline
