@@ -34,6 +34,7 @@ from drivers.system.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.terms import terms_of
+from hil.ports import Link, Recorder
 from hil.values import NEVER
 
 
@@ -69,9 +70,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         effort = Effort(recorder)
         _follow(scenario, loop, connection, pacer.patience_ns, stop, duty)
         if stop.cause:
-            period_ns = loop.params.period_ns
-            brake(stop, recorder, loop.tick + 1, (loop.tick + 1) * period_ns,
-                  lambda: step_alone(loop, connection.link))  # fmt: skip
+            to_safe_state(loop, recorder, connection.link, stop)
         told = {**facts(loop, connection.link), **stop.facts()}
         last_words({**told, "granted": granted, **effort.told()})
     finally:
@@ -98,6 +97,12 @@ def _follow(
         follow_in_real_time(loop, link, patience_ns, last_tick, stop)
     else:
         follow_in_lockstep(loop, link, patience_ns, last_tick, stop)
+
+
+def to_safe_state(loop: ControllerLoop, recorder: Recorder, link: Link, stop: Stop) -> None:
+    """Go on without the plant for as long as it takes to brake."""
+    t_ns = (loop.tick + 1) * loop.params.period_ns
+    brake(stop, recorder, loop.tick + 1, t_ns, lambda: step_alone(loop, link))
 
 
 def main() -> int:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mypy_extensions import i64
+
 from hil.errors import LinkError
+from hil.ports import Link
 
 
 def nothing() -> None:
     """Stand in for a peer's turn where none is set."""
 
 
-class MemoryLink:
+class MemoryLink(Link):
     """One end of a pair.
 
     `on_send` runs at the end of every `send`: where plant and controller share a thread it is the
@@ -49,7 +52,7 @@ class MemoryLink:
         self._taken += 1
         return self.inbox.pop(0)
 
-    def wait(self, _timeout_ns: int, /) -> bytes | None:
+    def wait(self, _timeout_ns: i64, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""
         return self.receive()
 

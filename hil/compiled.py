@@ -29,11 +29,12 @@ PATTERNS: Final = (
     "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
     "hil/wire/e2e.py", "hil/wire/pulses.py",
     "hil/log/packing.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
-    "hil/rounding.py",
+    "hil/rounding.py", "hil/ports.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/recorder/index.py",
     "drivers/polling.py", "drivers/can/assembly.py", "bench/run/offline.py",
+    "bench/run/lockstep.py", "bench/logs/replay/ports.py",
 )  # fmt: skip
 _START_UP: Final = ("__init__.py", "main.py", "build.py", "follow.py", "commands.py")
 """Not worth it: read once, or no more than a wait and a turn."""
@@ -52,7 +53,8 @@ def key_of(root: Path) -> str:
     """Return the name under which what these sources compile to is kept."""
     total = blake2b(_SUFFIX.encode(), digest_size=10)
     known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    for path in (*known, root / "bench/run/offline.py", root / "bench/dev/compile.py"):
+    bench = [root / path for path in sources(root) if path.parts[0] == "bench"]
+    for path in (*known, *bench, root / "bench/dev/compile.py"):
         total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
     return total.hexdigest()
 

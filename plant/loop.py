@@ -228,7 +228,7 @@ class PlantLoop:
             return
         state = self.state
         status = PlantStatus(
-            t_s=slot.scheduled_ns * 1e-9,
+            t_s=float(slot.scheduled_ns) * 1e-9,
             tick=slot.tick,
             tdc_mm=abs(state.dead_centre.x_m) * 1e3 if state.dead_centre.number else None,
             late_us=late_ns // 1000,

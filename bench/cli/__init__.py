@@ -86,7 +86,7 @@ def run(
     """Run a scenario: plant and controller, logs, verdict, report.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
-    3: a fault at run time; 4: an order of the scenario was refused.
+    3: a fault at run time; 4: no verdict, an order was refused or the machine spoilt the run.
     """
     from bench.run import commands
 

@@ -15,12 +15,12 @@ from bench import streams
 from bench.bus import can_log, commands
 from bench.judge import summary
 from bench.judge.figures import RunData, read_run
+from bench.logs.mending import mend
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
 from bench.run.directory import RunFiles
 from bench.run.execution import Ended, execute, resolved
-from bench.run.mending import mend
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
 from hil.config.load import parse_assignment, read_scenario

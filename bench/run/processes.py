@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from bench.run.witness import Witness
 from drivers.system import starter
 
 SAFE_GRACE_S = 1.0
@@ -33,6 +34,7 @@ class Child:
         self.name = name
         self.pid = process.pid
         self.result: dict[str, Any] = {}
+        self.witness = Witness(process.pid)
         self._process = process
         self._stderr = bytearray()
         self._reading: list[asyncio.Task[None]] = []

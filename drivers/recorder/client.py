@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import fcntl
 import json
-import os
 import select
 import socket
 import subprocess
@@ -17,10 +15,11 @@ from typing import Any, NamedTuple
 
 from drivers.recorder import ring, succession
 from drivers.recorder.account import NOTHING_LOST, Account
+from drivers.recorder.output import open_output
 from drivers.recorder.start import describe, joined
-from hil.errors import ConfigError, RunError
+from hil import ports
+from hil.errors import RunError
 from hil.log.records import Topic
-from hil.log.segments import segments_before
 from hil.log.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
@@ -48,7 +47,7 @@ class LogResult(NamedTuple):
     dropped: int
 
 
-class NullRecorder:
+class NullRecorder(ports.Recorder):
     """A recorder for runs without a log."""
 
     pid: int | None = None
@@ -67,7 +66,7 @@ class NullRecorder:
         """Do nothing: what is not written cannot be cut."""
 
 
-class Recorder:
+class Recorder(ports.Recorder):
     """Hands packed records to a recorder process; `put` does no I/O.
 
     A full ring makes a blocking recorder wait and another one drop the put, which it counts.
@@ -125,7 +124,7 @@ class Recorder:
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
-        return cls(path, *joined(_open_output(path), config), blocking=blocking, config=config)
+        return cls(path, *joined(open_output(path), config), blocking=blocking, config=config)
 
     def put(self, data: bytes, /) -> None:
         """Take the packed records of one tick as a whole."""
@@ -156,6 +155,11 @@ class Recorder:
         """Puts that found no room."""
         return self._producer.dropped
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that the recorder process has not taken yet."""
+        return self._producer.waiting
+
     def watch(self, policy: str, on_end: OnEnd) -> None:
         """Have the loss of the recorder process noticed when it happens, by a signal.
 
@@ -184,7 +188,7 @@ class Recorder:
     def _begin_again(self) -> None:
         """Have another recorder go on with the log, whose file so far becomes a segment."""
         number = succession.set_aside(self._path)
-        out = _open_output(self._path, forget=False)
+        out = open_output(self._path, forget=False)
         control = self._control
         self._producer, self._control, self._process = joined(out, self._config, number + 1)
         control.close()
@@ -212,7 +216,7 @@ class Recorder:
         self._closing = True
         if self._result is None:
             self._producer.close()
-            patience_s = 10.0 + self._producer.waiting / _DRAIN_BYTES_A_S
+            patience_s = 10.0 + self.waiting / _DRAIN_BYTES_A_S
             try:
                 self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
@@ -264,51 +268,3 @@ def _rotation(path: Path, rotation: Rotation) -> dict[str, Any]:
         "ns": rotation.segment_ns,
         "retain_bytes": rotation.retain_bytes,
     }
-
-
-def wait_finished(path: Path, timeout_s: float) -> None:
-    """Wait until no recorder writes the log any more, such as that of a killed process.
-
-    Raises: RunError when the file is missing or still being written after the time
-    """
-    deadline_s = time.monotonic() + timeout_s
-    while not _is_finished(path):
-        if time.monotonic() > deadline_s:
-            raise RunError(f"log {path} is still being written after {timeout_s:g} s")
-        time.sleep(0.005)
-
-
-def _is_finished(path: Path) -> bool:
-    """Whether nobody holds the lock of the file that has the log's name, now and afterwards."""
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError as error:
-        raise RunError(f"log {path}: {error.strerror}") from None
-    try:
-        # A file that has lost its name meanwhile is an earlier segment of a log that goes on.
-        return _try_lock(fd, fcntl.LOCK_SH) and os.fstat(fd).st_ino == path.stat().st_ino
-    finally:
-        os.close(fd)
-
-
-def _try_lock(fd: int, kind: int) -> bool:
-    """Lock the open file, if no other holds it; the lock lives as long as any copy of `fd`."""
-    try:
-        fcntl.flock(fd, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _open_output(path: Path, *, forget: bool = True) -> int:
-    try:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise ConfigError(f"log {path} cannot be written: {error.strerror}") from None
-    if not _try_lock(fd, fcntl.LOCK_EX):
-        os.close(fd)
-        raise ConfigError(f"log {path} is being written by another recorder")
-    os.ftruncate(fd, 0)
-    for segment in segments_before(path) if forget else ():  # of the log that is overwritten
-        segment.unlink(missing_ok=True)
-    return fd

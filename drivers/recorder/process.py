@@ -26,7 +26,7 @@ from drivers.recorder.unit import take_over
 from hil.log.topics import EVENT, FAULT, WARNING
 
 _POLL_MS = 10  # far below what the ring holds, far above what a wake-up costs
-_DEFERRED_FILL = 0.75  # of the ring; from there on a deferred recording goes on at once
+_DEFERRED_FILL = 0.875  # of the ring; from there on a deferred recording goes on at once
 _FLUSH_S = 0.05  # with a poll or two: what a kill of this process, or a power cut, may cost
 
 

@@ -26,7 +26,7 @@ from hil.config.resolved import Resolved, read_resolved
 from hil.errors import HilError, InterruptedRunError, RunError
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD
-from hil.ports import Link, Noticing
+from hil.ports import Link
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
@@ -113,12 +113,12 @@ def note_granted(
             recorder.put(topics.EVENT.pack(0, 0, topics.INFO, "real-time", f"{name}: {text}"))
 
 
-class NotingRecorder:
+class NotingRecorder(PortRecorder):
     """Adds what the bus reported to the records of the tick in which it was read."""
 
     __slots__ = ("_link", "_put")
 
-    def __init__(self, recorder: PortRecorder, link: Noticing) -> None:
+    def __init__(self, recorder: PortRecorder, link: Link) -> None:
         self._put = recorder.put
         self._link = link
 
@@ -133,7 +133,7 @@ class NotingRecorder:
 
 def noting(recorder: PortRecorder, link: Link) -> PortRecorder:
     """Return a recorder that logs the reports of the link's bus too, if there is one."""
-    return NotingRecorder(recorder, link) if isinstance(link, Noticing) else recorder
+    return NotingRecorder(recorder, link) if link.reports() else recorder
 
 
 def versions() -> dict[str, str]:

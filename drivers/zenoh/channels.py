@@ -19,12 +19,13 @@ from drivers.channels import (
 from drivers.zenoh.link import is_heard
 from drivers.zenoh.node import ZenohNode, give_back
 from hil.errors import LinkError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
 
 _POLL_S: Final = 0.02  # of the live view; a person sees no difference below it
 
 
-class ZenohCommands:
+class ZenohCommands(CommandSource):
     """A process's side of the command key."""
 
     def __init__(self, node: ZenohNode) -> None:
@@ -52,7 +53,7 @@ class ZenohCommands:
             give_back(self._subscriber.undeclare)
 
 
-class ZenohStatus:
+class ZenohStatus(StatusSink):
     """A process's side of its status key; as often as it tells, it looks who is there."""
 
     def __init__(self, node: ZenohNode) -> None:

@@ -20,6 +20,7 @@ from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
 from hil.log import Span, topics
 from hil.log.records import Layout
+from hil.ports import CommandSource
 from hil.values import replace
 from plant.engines.fast import linear
 
@@ -281,7 +282,7 @@ def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, 
 ORDERED = b'{"kind": "load-scale", "value": 0.95, "until_s": 0.45}'
 
 
-class OnceOrdered:
+class OnceOrdered(CommandSource):
     """A command key on which one fault comes, at the third look."""
 
     def __init__(self):
