@@ -26,7 +26,7 @@ GROUP: Final = "fpeg_hil"
 
 PATTERNS: Final = (
     "hil/wire/codec.py", "hil/wire/packing.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
-    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py", "hil/rounding.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",

@@ -17,6 +17,8 @@ from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
+from mypy_extensions import i64
+
 from hil import compiled
 from hil.errors import LogError
 from hil.values import Value, fields_of
@@ -77,7 +79,7 @@ def _form(hint: Hashable) -> _Form:
 
 def _plain(hint: Hashable) -> _Form | None:
     """A hint that needs no look inside: a number, a text, bytes, an IntEnum, or anything."""
-    if hint in _SCALARS:
+    if hint in _SCALARS or hint is i64:
         return _AS_IS
     if hint is bytes:
         return _Form(bytes.hex, bytes.fromhex)
