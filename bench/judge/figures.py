@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.judge.cause import NO_TRACE, Trace, read_trace
 from bench.judge.electric import Electric, read_electric
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
@@ -53,6 +54,7 @@ class RunData(NamedTuple):
     instants: tuple[Instant, ...]
     electric: Electric
     mode: str
+    trace: Trace = NO_TRACE
     recorders: Mapping[str, Mapping[str, str]] = MappingProxyType({})
 
     @property
@@ -91,6 +93,7 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             instants(scenario, happenings),
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
             _last_mode(scenario, happenings, controller),
+            read_trace(scenario, happenings, both),
             {name: told for name, log in both.items()
              if "missing" in (told := log.metadata.get("recorder", {}))},
         )  # fmt: skip

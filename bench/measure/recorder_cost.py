@@ -17,17 +17,15 @@ from bench.run import directory, scenarios
 from bench.run.resolve import resolve
 from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
-from drivers.recorder.client import LogResult, Recorder
+from drivers.recorder.client import Recorder
 from drivers.system.effort import Effort
 
 _KEPT: Final = 2000
 _SETTLE_S: Final = 0.3
 
 
-class Kept:
+class Kept(ports.Recorder):
     """A recorder that keeps the records of each tick."""
-
-    pid: int | None = None
 
     def __init__(self) -> None:
         self.turns: list[bytes] = []
@@ -35,10 +33,6 @@ class Kept:
     def put(self, data: bytes, /) -> None:
         """Keep them."""
         self.turns.append(data)
-
-    def close(self, timeout_s: float = 0.0) -> LogResult:
-        """Return the counts of a log without messages."""
-        return LogResult(0, 0)
 
 
 class Cost(NamedTuple):

@@ -17,9 +17,10 @@ from mcap.stream_reader import StreamReader
 
 import hil.log
 from drivers.recorder import ring, room
-from drivers.recorder.client import NullRecorder, Recorder, wait_finished
+from drivers.recorder.client import NullRecorder, Recorder
 from drivers.recorder.index import index_messages
 from drivers.recorder.mcap_file import McapFile
+from drivers.recorder.output import wait_finished
 from hil.errors import ConfigError, RunError
 from hil.log.repair import survey, whole_chunks
 from hil.log.topics import (
