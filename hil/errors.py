@@ -42,6 +42,10 @@ class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 
 
+class RefusedError(LinkError):
+    """Another process is already what this one was to be."""
+
+
 class BlockedError(HilError):
     """An order of the run was refused: what was run is not what was asked for."""
 

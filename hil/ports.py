@@ -71,6 +71,9 @@ class CommandSource(Protocol):
     def poll(self) -> tuple[str, bytes] | None:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
 
+    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+        """Tell who sent the command that was polled last what has become of it; never blocks."""
+
 
 class StatusSink(Protocol):
     """Where a process says how it is, some ten times a second."""

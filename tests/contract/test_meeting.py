@@ -144,6 +144,56 @@ def test_a_second_controller_elsewhere_is_refused_by_name(socket_config, name):
             assert list(eventually(lambda: told_by(plant))) == ["second-controller"]
 
 
+def test_on_a_bus_those_that_fit_meet_by_their_frames(strangers):
+    with opened("plant", strangers()) as plant, opened("controller", strangers()) as controller:
+        assert refusals(plant, controller) == {}
+        assert told_by(plant) == told_by(controller) == {}
+
+
+@pytest.mark.parametrize("order", [("plant", "controller"), ("controller", "plant")])
+def test_on_a_bus_both_say_what_differs(strangers, order):
+    theirs = with_term("plant.prototype", "bit")
+    with contextlib.ExitStack() as stack:
+        ends = {}
+        for side in order:
+            terms = TERMS if side == "plant" else theirs
+            ends[side] = stack.enter_context(opened(side, strangers(), terms))
+        found = refusals(ends["plant"], ends["controller"])
+    assert str(found["plant"]) == (
+        "plant and controller do not fit: plant.prototype = nu here, bit there"
+    )
+    assert str(found["controller"]) == (
+        "controller and plant do not fit: plant.prototype = bit here, nu there"
+    )
+
+
+def test_on_a_bus_a_controller_that_tells_no_terms_is_taken_and_told(strangers):
+    with (
+        opened("plant", strangers()) as plant,
+        opened("controller", strangers(), None) as controller,
+    ):
+        assert refusals(plant, controller) == {}
+        assert list(told_by(plant)) == ["peer-without-terms"]
+
+
+@pytest.mark.parametrize("side", ["plant", "controller"])
+def test_on_a_bus_a_second_one_is_refused_and_told(strangers, ticks, side):
+    with opened("plant", strangers()) as plant, opened("controller", strangers()) as controller:
+        assert refusals(plant, controller) == {}
+        first = plant if side == "plant" else controller
+        with opened(side, strangers()) as late:
+            first.link.send(ticks.batch(side, 0))
+            with pytest.raises(LinkError, match=f"a {side} is there already on zenoh:m"):
+                late.link.wait_for_peer(3.0)
+            late.link.send(ticks.batch(side, 0))  # one that waits for nobody
+
+            def noticed():
+                first.link.receive()
+                return told_by(first)
+
+            assert list(eventually(noticed)) == [f"second-{side}"]
+
+
 def test_another_controller_is_taken_when_the_first_has_gone(socket_config):
     with opened("plant", socket_config) as plant:
         for _ in range(2):

@@ -67,8 +67,13 @@ class Status(list):
 
 
 class Commands(list):
+    answers = ()
+
     def poll(self):
         return self.pop(0) if self else None
+
+    def answer(self, *told):
+        self.answers = (*self.answers, told)
 
 
 class Bench:

@@ -59,6 +59,9 @@ class Player:
         command, self._command = self._command, None
         return command
 
+    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+        """Nobody waits for an answer any more."""
+
     def publish(self, status: Mapping[str, object], /) -> None:
         """Forget the status: nobody looks at a replay."""
 
