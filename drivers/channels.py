@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from hil.errors import ConfigError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
 from hil.wire.answers import MAX_WAITING
 from hil.wire.quantities import printable
@@ -38,7 +39,7 @@ def is_stop(raw: bytes) -> bool:
     return command is not None and command.kind == "stop"
 
 
-class MemoryCommands:
+class MemoryCommands(CommandSource):
     """A command source inside one process: `submit` is the sender's side."""
 
     __slots__ = ("_waiting",)
@@ -54,15 +55,12 @@ class MemoryCommands:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
         return self._waiting.popleft() if self._waiting else None
 
-    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
-        """Nobody waits for an answer: who submits is in the same process."""
-
 
 def _ignore(_status: Mapping[str, object]) -> None:
     """Take no notice."""
 
 
-class MemoryStatus:
+class MemoryStatus(StatusSink):
     """A status sink inside one process: keeps the newest and shows it to `on_publish`."""
 
     __slots__ = ("newest", "on_publish")

@@ -23,6 +23,7 @@ from drivers.zenoh.config import Role
 from drivers.zenoh.node import PEER
 from hil.config.process import LinkConfig
 from hil.errors import ConfigError, LinkError
+from hil.ports import Link
 from hil.wire.fields import LAYOUTS, layout_of
 from hil.wire.terms import CAN_IDS, Terms
 
@@ -92,7 +93,7 @@ class Times(NamedTuple):
 _SYSTEM: Final = Times()
 
 
-class CanLink:
+class CanLink(Link):
     """One end of the link.
 
     Parameters: presence : the session on which the processes of a bench know each other; terms :
@@ -143,8 +144,7 @@ class CanLink:
         """Return the oldest batch that is complete or lacks frames that will not come any more."""
         if self._closed:
             return None
-        now_ns = self._now_ns()
-        frames = self._drain(now_ns)
+        frames = self._drain(now_ns := self._now_ns())
         batch = self._assembler.whole(frames, now_ns) if frames else None
         if batch is None:
             self._push(frames, now_ns)
@@ -263,6 +263,10 @@ class CanLink:
         self._presence.note("peer-without-terms", text)
         return True
 
+    def reports(self) -> bool:
+        """Whether its bus reports errors of its own: it does."""
+        return True
+
     def notices(self) -> list[Notice]:
         """Return (code, text) of what the bus and the session reported since the last time."""
         if self._meeting.has_second:
@@ -276,8 +280,8 @@ class CanLink:
         now_ns = self._now_ns()
         if now_ns - self._second_ns > _SILENCE_NS:
             self._second_ns = now_ns
-            text = f"a second {self._side} sends on {self._port.name}"
-            self._presence.note(f"second-{self._side}", text)
+            what = f"a second {self._side}"
+            self._presence.note(f"second-{self._side}", f"{what} sends on {self._port.name}")
 
     def counters(self) -> Mapping[str, int]:
         """Return batches sent and received, frames, and what the bus and the assembly counted."""

@@ -21,6 +21,7 @@ from drivers.channels import (
 from drivers.zenoh.link import is_heard
 from drivers.zenoh.node import ZenohNode, give_back
 from hil.errors import LinkError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import answers, commands, status
 from hil.wire.answers import MAX_WAITING, CommandAnswer
 
@@ -31,7 +32,7 @@ _AT_ONCE: Final = 16
 _POLL_S: Final = 0.02  # of the live view; a person sees no difference below it
 
 
-class ZenohCommands:
+class ZenohCommands(CommandSource):
     """A process's side of the command keys: what is put there is taken, what is asked is answered.
 
     A stop has a key of its own, on which whatever comes is a stop: no queue is before it.
@@ -145,7 +146,7 @@ def _received(sample: zenoh.Sample | zenoh.Query) -> _Received:
     return _Received(f"{origin_text(named)} ({session})", raw, query)
 
 
-class ZenohStatus:
+class ZenohStatus(StatusSink):
     """A process's side of its status key; as often as it tells, it looks who is there."""
 
     def __init__(self, node: ZenohNode) -> None:
