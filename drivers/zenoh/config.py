@@ -10,6 +10,7 @@ import ipaddress
 import re
 from typing import Final, Literal, NamedTuple
 
+from drivers.zenoh.access import access_control
 from hil.config.process import ZenohConfig
 from hil.errors import ConfigError
 from hil.wire import commands, status
@@ -116,6 +117,7 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
             "retry": {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 1.5},
         },
         "low_pass_filter": _bounds(config),
+        **access_control(config),
         "transport": {
             "shared_memory": {"enabled": False},
             "unicast": {"lowlatency": lockstep, "qos": {"enabled": not lockstep}},

@@ -2,14 +2,13 @@
 
 import contextlib
 import os
-import threading
-import time
 
 import pytest
+from meetings import eventually, refusals
 
 from drivers.links import open_link
 from hil.config.process import LoopConfig
-from hil.errors import ConfigError, LinkError
+from hil.errors import LinkError
 from hil.wire.terms import DECLARED
 
 REAL_TIME = LoopConfig()
@@ -33,28 +32,6 @@ def opened(side, config, terms=TERMS):
         yield connection
     finally:
         connection.close()
-
-
-def refusals(plant, controller, timeout_s=3.0):
-    """What each side is told when both wait for each other at the same time."""
-    told = {}
-
-    def wait(side, connection):
-        try:
-            connection.link.wait_for_peer(timeout_s)
-        except (ConfigError, LinkError) as error:
-            told[side] = error
-            connection.close()
-
-    threads = [
-        threading.Thread(target=wait, args=pair)
-        for pair in (("plant", plant), ("controller", controller))
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return told
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -98,14 +75,6 @@ def test_the_engine_of_somebody_else_is_named(socket_config):
         found = refusals(plant, controller, 0.7)
     assert "the controller there is of engine 'other'" in str(found["plant"])
     assert "the plant there is of engine 'contract'" in str(found["controller"])
-
-
-def eventually(poll, seconds=3.0):
-    end = time.monotonic() + seconds
-    while not (found := poll()):
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    return found
 
 
 def told_by(connection):
