@@ -13,16 +13,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.records import Message
 from mcap_ros2._dynamic import generate_dynamic
 
-from hil.log.records import (
-    CDR_LE,
-    Field,
-    Layout,
-    Record,
-    Topic,
-    definition,
-    fields_of,
-    parse_definition,
-)
+from hil.log.definitions import parse_definition
+from hil.log.records import CDR_LE, Field, Layout, Record, Topic, definition, fields_of
 from hil.log.topics import ALL, EVENT, FRAMES_SENT, SENSOR
 
 FLOATS = st.floats(allow_nan=False)
