@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 
 from controller.duty import Duty
 from controller.loop import ControllerLoop
-from hil.errors import RunError
+from hil.errors import PEER_LOST, RunError
 from hil.exchange import await_batch
 from hil.ports import Link
 
@@ -37,8 +37,15 @@ def follow_in_lockstep(
         loop.turn(batch)
     else:
         return
+    step_alone(loop, link)
+
+
+def step_alone(loop: ControllerLoop, link: Link) -> bool:
+    """Step without samples until the safe state, whose orders a plant that is there still hears."""
     for _ in range(loop.params.bounds.stale_ticks):
+        link.wait(loop.params.period_ns)
         loop.turn(None)
+    return True
 
 
 def follow_in_real_time(
@@ -107,7 +114,7 @@ def raise_if_lost(loop: ControllerLoop) -> None:
     """
     stale = loop.state.stale
     if stale >= loop.params.bounds.stale_ticks:
-        raise RunError(f"plant lost: no valid sample in the last {stale} ticks")
+        raise RunError(f"plant {PEER_LOST} sample in the last {stale} ticks")
 
 
 def facts(loop: ControllerLoop, link: Link) -> dict[str, Any]:

@@ -47,12 +47,16 @@ class InterruptedRunError(RunError):
     exit_code = 130
 
 
+PEER_LOST = "lost: no valid"
+"""What a process says in the end that has gone to its safe state without its peer."""
+
+
 class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 
 
 class BlockedError(HilError):
-    """An order of the run was refused: what was run is not what was asked for."""
+    """A refused order or the machine spoilt a run: what was run is not what was asked for."""
 
     exit_code = 4
 

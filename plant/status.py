@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.errors import RunError
+from hil.errors import PEER_LOST, RunError
 from hil.ports import Ports
 from plant.loop import PlantLoop
+
+
+def is_safe(loop: PlantLoop) -> bool:
+    """Whether the plant is in its safe state."""
+    return loop.state.stale >= loop.params.stale_ticks
 
 
 def describe(loop: PlantLoop) -> str:
     """How the plant is, in one line."""
     state = loop.state
-    how = "safe state" if state.stale >= loop.params.stale_ticks else "controlled"
+    how = "safe state" if is_safe(loop) else "controlled"
     return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
 
 
@@ -21,10 +26,10 @@ def raise_if_lost(loop: PlantLoop) -> None:
 
     Raises: RunError
     """
-    if loop.state.stale >= loop.params.stale_ticks:
+    if is_safe(loop):
         if not loop.answered:
             raise RunError("controller never answered")
-        raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")
+        raise RunError(f"controller {PEER_LOST} command in the last {loop.state.stale} ticks")
 
 
 def facts(loop: PlantLoop, ports: Ports, ticks: int) -> dict[str, Any]:

@@ -7,7 +7,8 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.recorder.mcap_file import McapFile, index_messages
+from drivers.recorder.index import index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil import log as logs
 from hil.errors import LogError
 from hil.files import check_output, output

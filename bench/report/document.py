@@ -101,9 +101,13 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
 
 
 def _fault(summary: Summary) -> str:
-    if summary["verdict"] not in {"fault", "blocked"}:
-        return ""
-    return f'<p class="fault">{html.escape(summary["exit_reason"])}</p>'
+    """Why there is no verdict, or why the run went to its safe state."""
+    told = summary["cause"] or ""
+    if summary["verdict"] in {"fault", "blocked"}:
+        told = summary["exit_reason"]
+    elif told not in summary["exit_reason"]:
+        told = ""
+    return f'<p class="fault">{html.escape(told)}</p>' if told else ""
 
 
 def _tiles(summary: Summary) -> str:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
-import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from bench import streams
 from bench.bus import can_log, commands
 from bench.judge import summary
 from bench.judge.figures import RunData, read_run
+from bench.logs.mending import mend
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
@@ -69,22 +72,37 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     console = Console(highlight=False)
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
-        with view_for(scenario, console) as view:
+        streams.outlive()
+        with _told_of(files), view_for(scenario, console) as view:
             ended = execute(scenario, files, view)
     if isinstance(ended.error, ConfigError):
         raise ended.error
-    told = _conclude(scenario, ended, files, report=options.report)
+    with _told_of(files):
+        told = _conclude(scenario, ended, files, report=options.report)
     if options.can_log is not None and files.plant_log.exists():
         commands.write_can_log(options.can_log, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
         raise ended.error
     if told["verdict"] == "fault":
-        print(told["exit_reason"], file=sys.stderr)
+        streams.say(told["exit_reason"])
     else:
         conclusion.show(console, told, files.report if options.report else None, files.directory)
         if "bus" in told["run"]:
             console.print(commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
     return int(told["exit_code"])
+
+
+@contextmanager
+def _told_of(files: RunFiles) -> Iterator[None]:
+    """A file that cannot be written once the run has begun is no mistake of the user's.
+
+    Raises: RunError
+    """
+    try:
+        yield
+    except OSError as error:
+        where = error.filename or files.directory
+        raise RunError(f"{where}: {error.strerror or error}; logs: {files.directory}") from None
 
 
 def _conclude(
@@ -99,6 +117,8 @@ def _conclude(
     }
     if ended.error is not None:
         facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
+    for log in (files.plant_log, files.controller_log):
+        mend(log)
     try:
         data = read_run(scenario, files)
     except LogError as error:
@@ -126,6 +146,9 @@ def _cut_short(data: RunData) -> dict[str, Any]:
     if ticks >= wanted:
         return {}
     line = f"the plant's log ends after {ticks} of {wanted} ticks"
+    if "plant" in data.recorders:
+        missing = data.recorders["plant"]["missing"]
+        line = f"the plant's log lacks {wanted - ticks} of {wanted} ticks: {missing}"
     return {"error": line, "exit_code": RunError.exit_code}
 
 

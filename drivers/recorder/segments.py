@@ -15,7 +15,8 @@ from typing import Any
 
 from mcap.records import Channel, Schema
 
-from drivers.recorder.mcap_file import McapFile, MessageIndex, index_messages
+from drivers.recorder.index import MessageIndex, index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil.log.segments import segment_path, segments_before
 
 
@@ -32,9 +33,9 @@ class Segments:
         self._most_bytes: int | None = rotation.get("bytes")
         self._most_ns: int | None = rotation.get("ns")
         self._retain_bytes: int | None = rotation.get("retain_bytes")
-        self._number = 1
+        self._number = config.get("segment") or 1
         self._fd = fd
-        self._file = self._begin(fd, 1)
+        self._file = self._begin(fd, self._number)
         self._start_ns: int | None = None
         self._finished_messages = 0
 
@@ -47,7 +48,7 @@ class Segments:
         """Write one chunk, and begin another segment when this one is full."""
         self._file.add_chunk(data, index)
         if self._start_ns is None:
-            self._start_ns = min(min(flat[::2]) for flat in index.entries.values())
+            self._start_ns = index.first_ns
         if self._path is not None and self._is_full(index.last_t_ns):
             self._rotate(self._path)
 
@@ -82,7 +83,7 @@ class Segments:
         file = McapFile(fd, schemas, channels)
         for name, values in config["metadata"].items():
             file.add_metadata(name, values)
-        if self._path is not None:
+        if self._path is not None or number > 1:
             file.add_metadata("segment", {"number": str(number)})
         for name, media_type, content in config["attachments"]:
             file.add_attachment(name, media_type, base64.b64decode(content))
