@@ -47,7 +47,7 @@ class Caretaker(Protocol):
         """Return the set points that a reload has prepared."""
 
 
-class DutyCommands:
+class DutyCommands(CommandSource):
     """A command source that speaks for the service itself first, then passes another one on."""
 
     def __init__(self, source: CommandSource) -> None:

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
+from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.reception import Arrival, Reception, ReceptionMemory
 from controller.state import Inputs, Output, Params, State, StrokeReport
@@ -20,6 +23,7 @@ from hil.ports import Ports, Recorder
 from hil.values import NEVER, Value
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand, parse
+from hil.wire.messages import Message
 from hil.wire.status import ControllerStatus
 
 _COMMAND_EVERY: Final = 10
@@ -32,7 +36,7 @@ class LoopMemory(Value):
     __slots__ = ("tick", "state", "sent", "received", "late")
 
     def __init__(
-        self, tick: int, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: int
+        self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64
     ) -> None:
         self.tick = tick
         self.state = state
@@ -54,17 +58,19 @@ class ControllerLoop:
     ) -> None:  # fmt: skip
         self.params = params
         self.state = state
-        self.tick = -1
-        self.late = 0
+        self.tick: i64 = -1
+        self.late: i64 = 0
         self.peer_timeout_s = peer_timeout_s
         self.reception = Reception(params.period_ns)
         self._encoder = Encoder()
+        self._answer: tuple[Message, ...] = ()
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
         self._pacer = pacer
-        self._put = recorder.put
+        self._recorder = recorder
         self._schedule = schedule
-        self._status_every = status_every
-        self._snapshot_every = snapshot_every or NEVER
+        self._planned_tick: i64 = min(schedule, default=NEVER)
+        self._status_every: i64 = status_every
+        self._snapshot_every: i64 = snapshot_every or NEVER
         self._heard = b""  # records of what was heard on the command key
         self._finished: StrokeReport | None = None  # the last stroke that could fire
 
@@ -115,19 +121,27 @@ class ControllerLoop:
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
-        frames = self._encoder.encode(output.messages)
+        self._answer = messages(
+            self.tick, output.mode, output.machine, output.throttle, output.pulses, self._answer
+        )
+        frames = self._encoder.encode(self._answer)
         self._link.send(frames)
         return frames
 
-    def _command(self, tick: int) -> OperatorCommand | None:
+    def _command(self, tick: i64) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
-        planned = self._schedule.get(tick)
-        if planned is not None:
-            return planned
-        received = None if tick % _COMMAND_EVERY else self._commands.poll()
-        if received is None:
+        if tick >= self._planned_tick:
+            planned = self._schedule.get(tick)
+            self._planned_tick = min((t for t in self._schedule if t > tick), default=NEVER)
+            if planned is not None:
+                return planned
+        if tick % _COMMAND_EVERY != 0:
             return None
-        origin, raw = received
+        received = self._commands.poll()
+        return None if received is None else self._heard_from(tick, *received)
+
+    def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
+        """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
         self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
@@ -157,23 +171,23 @@ class ControllerLoop:
         if not missed and (tick + 1) % self._snapshot_every == 0:
             text = snapshot.dumps(self.remember())
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
-        self._put(data)
+        self._recorder.put(data)
 
     def _note(self, code: str, text: str, batch: bytes) -> None:
         """Log frames that are not acted on."""
         tick = max(self.tick, 0)
-        self._put(packed_note(tick, tick * self.params.period_ns, code, text, batch))
+        self._recorder.put(packed_note(tick, tick * self.params.period_ns, code, text, batch))
 
     def _tell(self, output: Output) -> None:
         """Publish how the controller is; what belongs to a stroke, of the last finished one."""
         if output.stroke is not None:
             self._finished = output.stroke
-        if self.tick % self._status_every:
+        if self.tick % self._status_every != 0:
             return
         state, reception, stroke = self.state, self.reception, self._finished
         status = ControllerStatus(
             mode=state.mode.name.lower(),
-            t_s=self.tick * self.params.period_ns * 1e-9,
+            t_s=float(self.tick * self.params.period_ns) * 1e-9,
             tick=self.tick,
             tdc_mm=None if stroke is None else stroke.tdc_m * 1e3,
             tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,
@@ -196,4 +210,5 @@ class ControllerLoop:
         self.tick, self.state, self.late = memory.tick, memory.state, memory.late
         self._encoder.recall(memory.sent)
         self.reception.recall(memory.received)
+        self._planned_tick = min((t for t in self._schedule if t > self.tick), default=NEVER)
         self._finished = None

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
 
 MAX_ORIGIN_CHARS: Final = 64
@@ -23,7 +24,7 @@ def origin_text(raw: bytes) -> str:
     return "".join(c if c.isprintable() else "?" for c in text) or "unnamed"
 
 
-class MemoryCommands:
+class MemoryCommands(CommandSource):
     """A command source inside one process: `submit` is the sender's side."""
 
     __slots__ = ("_waiting",)
@@ -44,7 +45,7 @@ def _ignore(_status: Mapping[str, object]) -> None:
     """Take no notice."""
 
 
-class MemoryStatus:
+class MemoryStatus(StatusSink):
     """A status sink inside one process: keeps the newest and shows it to `on_publish`."""
 
     __slots__ = ("newest", "on_publish")

@@ -10,6 +10,7 @@ HIL_COMPILED : a directory to look in instead of ~/.cache/fpeg-hil/compiled; `of
 
 from __future__ import annotations
 
+import ast
 import importlib.machinery
 import importlib.util
 import os
@@ -25,12 +26,15 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/wire/codec.py", "hil/wire/packing.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
-    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
+    "hil/wire/e2e.py", "hil/wire/pulses.py",
+    "hil/log/packing.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "hil/rounding.py", "hil/ports.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
-    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",
-    "drivers/can/assembly.py", "bench/run/offline.py",
+    "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/recorder/index.py",
+    "drivers/polling.py", "drivers/can/assembly.py", "bench/run/offline.py",
+    "bench/run/lockstep.py", "bench/logs/replay/ports.py",
 )  # fmt: skip
 _START_UP: Final = ("__init__.py", "main.py", "build.py", "follow.py", "commands.py")
 """Not worth it: read once, or no more than a wait and a turn."""
@@ -49,7 +53,8 @@ def key_of(root: Path) -> str:
     """Return the name under which what these sources compile to is kept."""
     total = blake2b(_SUFFIX.encode(), digest_size=10)
     known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    for path in (*known, root / "bench/run/offline.py", root / "bench/dev/compile.py"):
+    bench = [root / path for path in sources(root) if path.parts[0] == "bench"]
+    for path in (*known, *bench, root / "bench/dev/compile.py"):
         total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
     return total.hexdigest()
 
@@ -103,3 +108,11 @@ def is_compiled(module: str) -> bool:
     """Whether a loaded module is a compiled one."""
     spec = getattr(sys.modules.get(module), "__spec__", None)
     return spec is not None and str(spec.origin).endswith(_SUFFIX)
+
+
+def class_source(kind: type) -> ast.ClassDef:
+    """Return a class of ours as its source has it: compiled it has lost its hints and docstring."""
+    source = root() / f"{kind.__module__.replace('.', '/')}.py"
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    return found

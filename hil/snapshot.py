@@ -15,7 +15,10 @@ import types
 from collections.abc import Callable, Hashable, Iterator
 from enum import IntEnum
 from functools import cache
-from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from operator import attrgetter
+from typing import Any, Final, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+from mypy_extensions import i64
 
 from hil import compiled
 from hil.errors import LogError
@@ -32,6 +35,7 @@ class _Form(NamedTuple):
 
 
 _AS_IS = _Form(None, None)
+_ENCODE: Final = json.JSONEncoder(separators=(",", ":"), check_circular=False).encode
 
 
 def dumps(state: Any) -> str:  # noqa: ANN401
@@ -41,7 +45,7 @@ def dumps(state: Any) -> str:  # noqa: ANN401
     """
     kind: Any = type(state)
     form = _form(kind)
-    return json.dumps(state if form.write is None else form.write(state), separators=(",", ":"))
+    return _ENCODE(state if form.write is None else form.write(state))
 
 
 def loads(kind: Hashable, text: str) -> Any:  # noqa: ANN401
@@ -77,7 +81,7 @@ def _form(hint: Hashable) -> _Form:
 
 def _plain(hint: Hashable) -> _Form | None:
     """A hint that needs no look inside: a number, a text, bytes, an IntEnum, or anything."""
-    if hint in _SCALARS:
+    if hint in _SCALARS or hint is i64:
         return _AS_IS
     if hint is bytes:
         return _Form(bytes.hex, bytes.fromhex)
@@ -98,10 +102,7 @@ def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
     """The type of each field; compiled classes have lost theirs, which are read from the source."""
     if not compiled.is_compiled(kind.__module__):
         return get_type_hints(kind.__init__ if issubclass(kind, Value) else kind)
-    scope = vars(sys.modules[kind.__module__])
-    source = compiled.root() / f"{kind.__module__.replace('.', '/')}.py"
-    tree = ast.parse(source.read_text(encoding="utf-8"))
-    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    scope, found = vars(sys.modules[kind.__module__]), compiled.class_source(kind)
     return {name: eval(ast.unparse(annotation), scope) for name, annotation in _annotations(found)}
 
 
@@ -123,8 +124,10 @@ def _named(kind: Any) -> _Form:  # noqa: ANN401
     writers = [(i, form.write) for i, form in enumerate(forms) if form.write is not None]
     readers = [form.read for form in forms]
 
-    def write(value: Any) -> list[Any]:  # noqa: ANN401
-        fields = [getattr(value, name) for name in names] if is_value else list(value)
+    row = _row_of(names) if is_value else tuple
+
+    def write(value: Any) -> Any:  # noqa: ANN401
+        fields = list(row(value))
         for place, writer in writers:
             fields[place] = writer(fields[place])
         return fields
@@ -134,7 +137,16 @@ def _named(kind: Any) -> _Form:  # noqa: ANN401
             raise ValueError(f"{kind.__name__} has the fields {', '.join(names)}")
         return kind(*(v if r is None else r(v) for r, v in zip(readers, tree, strict=True)))
 
-    return _Form(write if writers or is_value else None, read)
+    if not writers:
+        return _Form(row if is_value else None, read)
+    return _Form(write, read)
+
+
+def _row_of(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what takes all fields of a value at once."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda value: tuple(getattr(value, name) for name in names)
 
 
 def _tuple(arguments: tuple[Any, ...]) -> _Form:

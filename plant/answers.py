@@ -83,7 +83,9 @@ class Answers:
         self._silent_turns = 0
         self._throttle = 1.0
         # Commands repeat for many ticks: what they come to is worked out when they change.
-        self._said: tuple[MachineCommand | None, list[Pulse], int] = (None, [], -1)
+        self._mode = -1
+        self._machine: MachineCommand | None = None
+        self._pulses: list[Pulse] = []
         self._command = AS_BEFORE
 
     def understand(self, arrived: list[bytes], tick: int) -> Answer:
@@ -92,22 +94,42 @@ class Answers:
             return self._unanswered(tick)
         self._silent_turns = 0
         head, machine, pulses = _read(self.decoder.decode(arrived[0]))
-        for batch in arrived[1:]:
-            next_head, next_machine, newer = _read(self.decoder.decode(batch))
-            head, machine = next_head or head, next_machine or machine
-            pulses = wire.superseded(pulses, newer)
+        if len(arrived) > 1:
+            head, machine, pulses = self._read_on(arrived, head, machine, pulses)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
         self._answered_before = True
         self.answered += 1
         self.used_tick = head.tick
-        said = (machine, pulses, head.mode)
-        if said != self._said:
-            self._said, self._command = said, _commanded(machine, pulses, head.mode)
+        if not self._is_repeated(head.mode, machine, pulses):
+            self._mode, self._machine, self._pulses = head.mode, machine, pulses
+            self._command = _commanded(machine, pulses, head.mode)
             if machine is not None:
                 self._throttle = machine.throttle
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
+
+    def _read_on(
+        self, arrived: list[bytes], head: ControllerTick | None, machine: MachineCommand | None,
+        pulses: list[Pulse],
+    ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:  # fmt: skip
+        """Decode the answers after the first, of which the newer counts."""
+        for batch in arrived[1:]:
+            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            head = head if next_head is None else next_head
+            machine = machine if next_machine is None else next_machine
+            pulses = wire.superseded(pulses, newer)
+        return head, machine, pulses
+
+    def _is_repeated(self, mode: int, machine: MachineCommand | None, pulses: list[Pulse]) -> bool:
+        """Whether an answer says what the last one did; a repeated frame is the same message."""
+        if mode != self._mode or machine is not self._machine or len(pulses) != len(self._pulses):
+            return False
+        for index, pulse in enumerate(pulses):
+            said = self._pulses[index]
+            if pulse is not said and not _is_same(pulse, said):
+                return False
+        return True
 
     def _unanswered(self, tick: int) -> Answer:
         """Nothing came: not yet, while the controller is coming up, or no more."""
@@ -135,12 +157,21 @@ class Answers:
         self._throttle = memory.throttle
 
 
+def _is_same(one: Pulse, other: Pulse) -> bool:
+    """Whether two frames order the same pulse: two that take turns are decoded every time."""
+    return (
+        one.channel == other.channel
+        and one.open_us == other.open_us
+        and one.duration_us == other.duration_us
+    )
+
+
 def _read(
     messages: list[Message],
 ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
     """Sort what one batch held; of what came through more than once the last counts."""
     head, machine = None, None
-    pulses = []
+    pulses: list[Pulse] = []
     for message in messages:
         if type(message) is ControllerTick:
             head = message

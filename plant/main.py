@@ -22,6 +22,7 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
 from hil import snapshot
 from hil.config.resolved import Resolved
+from hil.config.terms import terms_of
 from hil.ports import Recorder
 from hil.values import NEVER
 from plant.build import make_loop, make_pacer
@@ -32,7 +33,7 @@ from plant.status import describe, facts, is_safe, raise_if_lost
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the plant to its end; as a service, until it is asked to end.
 
-    Raises: RunError when the controller was lost, ConfigError, LinkError
+    Raises: RunError when the controller was lost or the log is cut, ConfigError, LinkError
     """
     stop = Stop()
     stop.listen()
@@ -40,7 +41,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     recorder.watch(scenario.log.recorder_lost, stop.end)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = open_link("plant", scenario.link, scenario.loop)
+    connection = open_link("plant", scenario.link, scenario.loop, terms_of(scenario))
     try:
         clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
         reporting = noting(recorder, connection.link)
@@ -65,6 +66,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
+    recorder.raise_if_cut()
     return 0
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
 LinkChoice = Literal["zenoh", "shm"]
 OutOption = Annotated[
     Path | None, typer.Option(help="Directory of latency.json and pictures; none: print only.")
@@ -56,10 +57,27 @@ def rate(
 def step(
     *,
     ticks: Annotated[int, typer.Option(min=100, max=1_000_000)] = 5000,
+    model: Annotated[Model, typer.Option(help="Engine model of the plant.")] = "harmonic",
+    controller: Annotated[str, typer.Option(help="Law of the controller.")] = "cascade",
+    every: Annotated[
+        bool, typer.Option("--all", help="Every fast model with every law, whole ticks only.")
+    ] = False,
     out: OutOption = None,
 ) -> None:
-    """Print what each part of a tick costs."""
+    """Print what a tick of both loops costs, and each part of it."""
     from bench.measure.step_cost import run
+
+    raise typer.Exit(run(ticks, out, model, controller, every=every))
+
+
+@app.command()
+def recorder(
+    *,
+    ticks: Annotated[int, typer.Option(min=10_000, max=100_000_000)] = 1_000_000,
+    out: OutOption = None,
+) -> None:
+    """Print how many ticks a second a recorder process takes, compression included."""
+    from bench.measure.recorder_cost import run
 
     raise typer.Exit(run(ticks, out))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +42,10 @@ Figures = dict[str, Any]
 
 
 class RunData(NamedTuple):
-    """What is kept of a run's logs."""
+    """What is kept of a run's logs.
+
+    recorders: what those of plant and controller say of a log that is not whole
+    """
 
     scenario: Resolved
     truth: Truth
@@ -50,6 +55,7 @@ class RunData(NamedTuple):
     electric: Electric
     mode: str
     trace: Trace = NO_TRACE
+    recorders: Mapping[str, Mapping[str, str]] = MappingProxyType({})
 
     @property
     def strokes(self) -> Strokes:
@@ -88,7 +94,9 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
             _last_mode(scenario, happenings, controller),
             read_trace(scenario, happenings, both),
-        )
+            {name: told for name, log in both.items()
+             if "missing" in (told := log.metadata.get("recorder", {}))},
+        )  # fmt: skip
 
 
 def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:

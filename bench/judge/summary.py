@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,14 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
         "cause": None if cause is None else cause.text,
         "figures": {**figures(data, max(loop_s, default=None)), **_effort(run)},
         "events": event_figures(data),
-        **_tail(data.scenario, run),
+        **_tail(data.scenario, {**run, **_recording(data)}),
     }
+
+
+def _recording(data: RunData) -> dict[str, Any]:
+    """What is to be said of the logs, if anything is."""
+    told: dict[str, Any] = {"recorders": data.recorders} if data.recorders else {}
+    return {**told, "recording": "deferred"} if data.scenario.log.defer else told
 
 
 def _effort(run: dict[str, Any]) -> dict[str, float]:
@@ -106,7 +113,7 @@ def write(summary: Summary, path: Path) -> None:
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.run import directory
-from drivers.recorder.mcap_file import McapFile, index_messages
+from drivers.recorder.index import index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil import log as logs
 from hil.errors import ConfigError, LogError
 from hil.log.repair import Salvage, survey, whole_chunks

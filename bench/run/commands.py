@@ -150,6 +150,9 @@ def _cut_short(data: RunData) -> dict[str, Any]:
     if ticks >= wanted:
         return {}
     line = f"the plant's log ends after {ticks} of {wanted} ticks"
+    if "plant" in data.recorders:
+        missing = data.recorders["plant"]["missing"]
+        line = f"the plant's log lacks {wanted - ticks} of {wanted} ticks: {missing}"
     return {"error": line, "exit_code": RunError.exit_code}
 
 

@@ -19,7 +19,7 @@ from bench.run.processes import Child, Status, supervise
 from bench.run.progress import View
 from bench.run.resolve import resolve
 from bench.run.sockets import socket_directory
-from drivers.recorder.client import wait_finished
+from drivers.recorder.output import wait_finished
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import HilError, RunError

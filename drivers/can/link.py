@@ -19,9 +19,10 @@ from drivers.can.virtual.records import REMOTE
 from drivers.can.virtual.transmitter import Medium
 from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.config import Role
-from drivers.zenoh.link import PEER
+from drivers.zenoh.node import PEER
 from hil.config.process import LinkConfig
 from hil.errors import LinkError
+from hil.ports import Link
 from hil.wire.fields import LAYOUTS, layout_of
 
 _LOCKSTEP_QUIET_NS: Final = 20_000_000
@@ -79,7 +80,7 @@ class Times(NamedTuple):
 _SYSTEM: Final = Times()
 
 
-class CanLink:
+class CanLink(Link):
     """One end of the link.
 
     Parameters: presence : the session on which the processes of a bench know each other
@@ -212,6 +213,10 @@ class CanLink:
         if self._side == "plant":
             self._assembler.forget()  # the answer to the question is none to a sample
         self._port.settle()
+
+    def reports(self) -> bool:
+        """Whether its bus reports errors of its own: it does."""
+        return True
 
     def notices(self) -> list[Notice]:
         """Return (code, text) of what the bus reported since the last time."""

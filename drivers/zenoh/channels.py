@@ -16,14 +16,16 @@ from drivers.channels import (
     clip_command,
     origin_text,
 )
-from drivers.zenoh.link import ZenohNode, give_back, is_heard
+from drivers.zenoh.link import is_heard
+from drivers.zenoh.node import ZenohNode, give_back
 from hil.errors import LinkError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
 
 _POLL_S: Final = 0.02  # of the live view; a person sees no difference below it
 
 
-class ZenohCommands:
+class ZenohCommands(CommandSource):
     """A process's side of the command key."""
 
     def __init__(self, node: ZenohNode) -> None:
@@ -51,10 +53,11 @@ class ZenohCommands:
             give_back(self._subscriber.undeclare)
 
 
-class ZenohStatus:
-    """A process's side of its status key."""
+class ZenohStatus(StatusSink):
+    """A process's side of its status key; as often as it tells, it looks who is there."""
 
     def __init__(self, node: ZenohNode) -> None:
+        self._node = node
         self._publisher = node.session.declare_publisher(
             node.key(f"status/{node.role}"),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -67,6 +70,7 @@ class ZenohStatus:
         """Publish; dropped when nobody keeps up or the session is gone."""
         if not self._closed:
             with contextlib.suppress(zenoh.ZError):
+                self._node.attend()
                 self._publisher.put(status.write(told))
 
     def close(self) -> None:

@@ -68,13 +68,14 @@ class ZenohConfig(Section):
     """Where the Zenoh link listens and connects; nothing beyond this machine unless said so.
 
     engine: name of the pair, part of every key
-    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`
+    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`;
+        empty: a unix socket in the engine's directory
     allow_insecure: lets an endpoint leave the machine without mutual TLS
     """
 
     engine: str = Field(default="fpeg", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")
-    plant_endpoint: str = "tcp/127.0.0.1:7447"
-    controller_endpoint: str = "tcp/127.0.0.1:7448"
+    plant_endpoint: str = ""
+    controller_endpoint: str = ""
     tls: TlsConfig | None = None
     allow_insecure: bool = False
 
@@ -130,6 +131,7 @@ class LogConfig(Section):
     segment_bytes, segment_s: where a log goes on in another file
     retain_bytes: how much of the earlier files is kept
     recorder_lost: what the loss of a recorder does; another one takes down the end in any case
+    defer: nothing is written before the end of the run, which is kept in memory until then
     """
 
     enabled: bool = True
@@ -139,6 +141,7 @@ class LogConfig(Section):
     segment_s: float | None = Field(default=None, gt=0.0, le=1e6)
     retain_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 60)
     recorder_lost: Literal["end", "restart"] = "end"
+    defer: bool = False
 
     @model_validator(mode="after")
     def _retaining_needs_segments(self) -> LogConfig:

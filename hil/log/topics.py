@@ -188,3 +188,6 @@ ALL = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
     DEMAND, SNAPSHOT, COMMAND,
 )  # fmt: skip
+
+HOT: Final = (SENSOR, TRUTH, TIMING, ACTUATOR, FRAMES_SENT, FRAMES_RECEIVED, STROKE, DEMAND)
+"""Those of (nearly) every tick: hil/log/packing.py has a function for each."""

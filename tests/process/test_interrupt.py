@@ -61,6 +61,7 @@ def test_a_campaign_is_interrupted_at_any_moment(tmp_path, after_s):
         ("compare",),
         ("engine", "sweep", "--over", "load"),
         ("bench", "step", "--ticks", "1000000"),
+        ("bench", "recorder", "--ticks", "100000000"),
         ("bench", "rate"),
         ("bus", "fuzz"),
         ("status", "--watch"),

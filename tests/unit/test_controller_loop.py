@@ -1,12 +1,14 @@
 """The controller's turn with every port in the test's hand: gaps, late frames, commands."""
 
 import math
+from collections import UserList
 
 import pytest
 
 from controller.build import initial_state, make_params
 from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
+from hil import pacing, ports
 from hil.config.controller import ControllerConfig
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
@@ -19,7 +21,7 @@ NAN = math.nan
 TOPICS = {topic.channel_id: topic for topic in topics.ALL}
 
 
-class Link:
+class Link(ports.Link):
     def __init__(self):
         self.sent = []
 
@@ -27,10 +29,9 @@ class Link:
         self.sent.append(batch)
 
 
-class Pacer:
-    period_ns, patience_ns = MS, MS
-
+class Pacer(pacing.Pacer):
     def __init__(self):
+        super().__init__(MS, MS)
         self.t_ns = 0
         self.started = []
 
@@ -42,7 +43,7 @@ class Pacer:
         return self.t_ns
 
 
-class Log(list):
+class Log(ports.Recorder, UserList):
     """Takes packed records apart again: (topic name, fields by name)."""
 
     def put(self, data):
@@ -61,12 +62,12 @@ class Log(list):
         return [event["code"] for event in self.of("/event")]
 
 
-class Status(list):
+class Status(ports.StatusSink, UserList):
     def publish(self, status):
         self.append(status)
 
 
-class Commands(list):
+class Commands(ports.CommandSource, UserList):
     def poll(self):
         return self.pop(0) if self else None
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import controller.build
 import plant.build
 import plant.memory
-from bench.logs.replay.ports import Player, PlayerLink
+from bench.logs.replay.ports import Catch, Tape, TapeCommands, TapeLink, Unseen
 from bench.logs.replay.turns import Turn
 from controller.loop import ControllerLoop, LoopMemory
 from drivers.links import Connection
@@ -20,10 +20,15 @@ def _nothing() -> None:
     """Close nothing."""
 
 
+def _connection(tape: Tape) -> Connection:
+    """The ports that a tape plays."""
+    return Connection(TapeLink(tape), TapeCommands(tape), Unseen(), _nothing)
+
+
 class Replayed(Protocol):
     """A loop that is being replayed."""
 
-    player: Player
+    tape: Tape
 
     @property
     def next_tick(self) -> int:
@@ -41,9 +46,10 @@ class ReplayedController:
 
     def __init__(self, scenario: Resolved) -> None:
         patience_ns = controller.build.patience_ns(scenario)
-        self.player = player = Player(scenario.loop.period_ns, patience_ns)
-        connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: ControllerLoop = controller.build.make_loop(scenario, connection, player, player)
+        self.tape, self._catch = Tape(scenario.loop.period_ns, patience_ns), Catch()
+        self.loop: ControllerLoop = controller.build.make_loop(
+            scenario, _connection(self.tape), self._catch, self.tape
+        )
 
     @property
     def next_tick(self) -> int:
@@ -52,9 +58,9 @@ class ReplayedController:
 
     def turn(self, turn: Turn) -> bytes:
         """Run one recorded turn; return the records that it puts today."""
-        self.player.load(turn)
+        self.tape.load(turn)
         self.loop.turn(turn.batches[0] if turn.batches else None)
-        return self.player.taken()
+        return self._catch.taken()
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""
@@ -66,9 +72,10 @@ class ReplayedPlant:
 
     def __init__(self, scenario: Resolved) -> None:
         patience_ns = plant.build.patience_ns(scenario)
-        self.player = player = Player(scenario.loop.period_ns, patience_ns)
-        connection = Connection(PlayerLink(player), player, player, _nothing)
-        self.loop: PlantLoop = plant.build.make_loop(scenario, connection, player, player)
+        self.tape, self._catch = Tape(scenario.loop.period_ns, patience_ns), Catch()
+        self.loop: PlantLoop = plant.build.make_loop(
+            scenario, _connection(self.tape), self._catch, self.tape
+        )
 
     @property
     def next_tick(self) -> int:
@@ -77,10 +84,10 @@ class ReplayedPlant:
 
     def turn(self, turn: Turn) -> bytes:
         """Run one recorded turn; return the records that it puts today."""
-        self.player.load(turn)
-        self.player.load_slot(turn)
+        self.tape.load(turn)
+        self.tape.load_slot(turn)
         self.loop.turn(turn.first_tick)
-        return self.player.taken()
+        return self._catch.taken()
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""

@@ -19,11 +19,10 @@ from bench.logs.replay.replay import make, process_of, scenario_of
 from bench.logs.replay.turns import Turn, check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
 from bench.run import directory as outdir
+from bench.run import lockstep
 from bench.run.directory import RunFiles
-from bench.run.single_process import turn_of
 from controller.loop import ControllerLoop
 from drivers.links import Connection, open_memory
-from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
 from hil import snapshot
@@ -162,7 +161,7 @@ def _brought_to(
     span = Span(max((start - 1) * period_ns, 0), (tick + 1) * period_ns)
     if not _play(log, loop, turns(log, process, span), (start, tick)):
         notes.append(f"the {process} of today does not repeat the recording up to tick {tick}")
-    return loop, loop.player.sent
+    return loop, loop.tape.sent
 
 
 def _resumed(log: Log, loop: Loop, state: str) -> bool:
@@ -237,9 +236,8 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     scenario = wanted.scenario
     plant_loop = _plant(resumed, wanted, plant_end, recorders["plant"])
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
-    assert isinstance(plant_end.link, MemoryLink)
     controller_end.link.send(resumed.in_flight)
-    plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
+    lockstep.join(plant_end.link, controller_end.link, controller_loop)
     t_ns = resumed.tick * scenario.loop.period_ns
     for name, memory in (
         ("plant", plant_loop.remember()),
