@@ -209,7 +209,8 @@ class Stop:
         """
         try:
             self._at_once = True
-            self.raise_if_caused()
+            if self.requested:  # before anybody could follow it at once
+                raise KeyboardInterrupt
             link.wait_for_peer(timeout_s)
         except KeyboardInterrupt:
             self.raise_if_caused()

@@ -142,7 +142,9 @@ def _piece(log: Log, data: bytes, piece: walk.Piece) -> _Piece:
 def _numbers(log: Log) -> dict[int, int]:
     """Return today's channel number of each channel of the log; those of others are negative."""
     return {
-        info.channel_id: _NAMES.get(name, -info.channel_id) for name, info in log.topics.items()
+        number: _NAMES.get(name, -number)
+        for name, info in log.topics.items()
+        for number in info.channels
     }
 
 
@@ -169,7 +171,7 @@ def split(
 
     Raises: ValueError when the bytes are no such records
     """
-    by_number = {info.channel_id: info for info in known.values()}
+    by_number = {number: info for info in known.values() for number in info.channels}
     found, offset = [], 0
     while offset + MESSAGE_HEAD.size <= len(data):
         opcode, length, number = _head_of(data, offset)
