@@ -62,7 +62,7 @@ def measure(seconds: float, model: str, law: str) -> list[Ratio]:
     scenario = resolve(scenarios.read("steady", changes))
     with tempfile.TemporaryDirectory(prefix="hil-lockstep-") as name:
         logs = {side: Path(name) / f"{side}.mcap" for side in SIDES}
-        prepare(scenario.realtime, lockstep=True)
+        prepare(scenario.realtime)
         found = [Ratio("run, both logs on", seconds / _run_s(scenario, logs))]
         for side, path in logs.items():
             outcome = replay_file(path, None, ALWAYS)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from bench.logs.replay import walk
 from bench.logs.replay.turn import Turn
@@ -25,7 +25,7 @@ _RECEIVED, _EVENT = topics.FRAMES_RECEIVED.channel_id, topics.EVENT.channel_id
 _SNAPSHOT, _COMMAND = topics.SNAPSHOT.channel_id, topics.COMMAND.channel_id
 _BATCH_AT: Final = PAYLOAD_OFFSET + topics.FRAMES_RECEIVED.layout.size + 4
 _head_of: Final = struct.Struct("<BQH").unpack_from
-_times_of: Final = struct.Struct("<" + topics.TIMING.layout.format[1:]).unpack_from
+_TIMES: Final = struct.Struct("<" + topics.TIMING.layout.format[1:])
 
 _KINDS: Final = {
     process: walk.Kinds(
@@ -35,68 +35,28 @@ _KINDS: Final = {
 }
 
 
-class _Piece(NamedTuple):
-    """The records of one tick, or of a batch that was not acted on."""
-
-    data: bytes
-    times: tuple[int, ...]
-    batches: tuple[bytes, ...]
-    command: tuple[str, bytes] | None
-    snapshot: tuple[int, str] | None
-
-
 def turns(log: Log, process: str, span: Span = ALWAYS) -> Iterator[Turn]:
     """Yield the turns of a log in order; the last one may be cut off within its records.
 
     Raises: LogError when the records are not in the order in which our recorder writes them
     """
-    pieces = _pieces(log, process, span)
-    return _controller_turns(pieces) if process == "controller" else _plant_turns(log, pieces)
-
-
-def _controller_turns(pieces: Iterator[_Piece]) -> Iterator[Turn]:
-    """Ticks that were missed belong to the turn of the batch that showed the gap."""
-    earlier, dones, first = b"", [], -1
-    for data, times, batches, command, snapshot in pieces:
-        if not times:
-            yield Turn(-1, -1, 0, (0,), -1, batches, None, snapshot, data)
-            continue
-        tick, _, scheduled_ns, woke_ns, done_ns, used, missed = times
-        if missed:
-            earlier, first = earlier + data, tick if first < 0 else first
-            dones.append(done_ns)
-        elif dones:
-            instants = (woke_ns, *dones, done_ns)
-            whole = earlier + data
-            yield Turn(first, tick, scheduled_ns, instants, used, batches, command, snapshot, whole)
-            earlier, dones, first = b"", [], -1
-        else:
-            yield Turn(
-                tick, tick, scheduled_ns, (woke_ns, done_ns), used, batches, command, snapshot, data
-            )
-
-
-def _plant_turns(log: Log, pieces: Iterator[_Piece]) -> Iterator[Turn]:
-    """Ticks that were skipped belong to the turn that came too late for them."""
-    earlier, first = b"", -1
-    for data, times, batches, command, snapshot in pieces:
-        if not times and snapshot is None:
+    joiner = walk.Joiner(_TIMES, PAYLOAD_OFFSET, is_plant=process == "plant")
+    for data, piece in _pieces(log, process, span):
+        command = snapshot = None
+        if piece.has_command:
+            *_, origin, raw = _values(log, "/command", data, piece.command, piece.command_end)
+            command = (origin, raw)
+        if piece.has_snapshot:
+            tick, _, state = _values(log, "/snapshot", data, piece.snapshot, piece.snapshot_end)
+            snapshot = (tick, state)
+        if piece.timing < 0 and snapshot is None and process == "plant":
             raise log.error("cannot be replayed: a tick without /timing")
-        if not times:
-            yield Turn(-1, -1, 0, (), -1, (), None, snapshot, data)
-            continue
-        tick, _, scheduled_ns, woke_ns, sent_ns, used, missed = times
-        first = tick if first < 0 else first
-        if missed:
-            earlier += data
-            continue
-        instants = (woke_ns, sent_ns)
-        whole = earlier + data if earlier else data
-        yield Turn(first, tick, scheduled_ns, instants, used, batches, command, snapshot, whole)
-        earlier, first = b"", -1
+        turn = joiner.turn(data, piece, command, snapshot)
+        if turn is not None:
+            yield turn
 
 
-def _pieces(log: Log, process: str, span: Span) -> Iterator[_Piece]:
+def _pieces(log: Log, process: str, span: Span) -> Iterator[tuple[bytes, walk.Piece]]:
     """Yield the pieces of all chunks; one that is cut off before it says anything is none."""
     numbers, kinds = _numbers(log), _KINDS[process]
     data = b""
@@ -109,11 +69,11 @@ def _pieces(log: Log, process: str, span: Span) -> Iterator[_Piece]:
             data = own
             cuts, _ = walk.cut(data, numbers, kinds, _BATCH_AT)
         for piece in cuts[:-1]:
-            yield _piece(log, data, piece)
+            yield data, piece
     if cuts:
-        last_one = _piece(log, data, cuts[-1])
-        if last_one.times or last_one.snapshot or last_one.batches:
-            yield last_one
+        last = cuts[-1]
+        if last.timing >= 0 or last.has_snapshot or last.batches:
+            yield data, last
 
 
 def _without_foreign(log: Log, data: bytes, events: list[tuple[int, int]]) -> bytes:
@@ -122,21 +82,6 @@ def _without_foreign(log: Log, data: bytes, events: list[tuple[int, int]]) -> by
         if _values(log, "/event", data, start, end)[3].startswith(FOREIGN_EVENTS):
             data = data[:start] + data[end:]
     return data
-
-
-def _piece(log: Log, data: bytes, piece: walk.Piece) -> _Piece:
-    """Decode of a piece what a replay needs to know."""
-    times: tuple[int, ...] = ()
-    command = snapshot = None
-    if piece.timing >= 0:
-        times = _times_of(data, piece.timing + PAYLOAD_OFFSET)
-    if piece.has_command:
-        *_, origin, raw = _values(log, "/command", data, piece.command, piece.command_end)
-        command = (origin, raw)
-    if piece.has_snapshot:
-        tick, _, state = _values(log, "/snapshot", data, piece.snapshot, piece.snapshot_end)
-        snapshot = (tick, state)
-    return _Piece(data[piece.start : piece.end], times, tuple(piece.batches), command, snapshot)
 
 
 def _numbers(log: Log) -> dict[int, int]:

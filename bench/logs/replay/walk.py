@@ -6,17 +6,20 @@ Compiled, heads are read natively; interpreted, by `struct`, which costs less th
 from __future__ import annotations
 
 import struct
+from struct import Struct
 from typing import Final, final
 
 from librt.strings import read_i16_le, read_i64_le
 from mypy_extensions import i64
 
+from bench.logs.replay.turn import Turn
 from hil.log.packing import NATIVE
 from hil.values import Value
 
 HEAD_SIZE: Final = 31
 """Bytes of an MCAP Message record before its payload: opcode, length, channel, sequence, times."""
 
+_NO_TIME: Final[tuple[int, ...]] = (0,)
 _head_of: Final = struct.Struct("<QH").unpack_from
 
 
@@ -112,6 +115,50 @@ def _enter(
         piece.command, piece.command_end, piece.has_command = offset, end, True
     elif kind == kinds.snapshot:
         piece.snapshot, piece.snapshot_end, piece.has_snapshot = offset, end, True
+
+
+@final
+class Joiner:
+    """Puts pieces together to turns.
+
+    Ticks of the controller that were missed belong to the turn of the batch that showed the gap;
+    ticks of the plant that were skipped, to the turn that came too late for them.
+    """
+
+    def __init__(self, timing: Struct, payload_at: i64, *, is_plant: bool) -> None:
+        self._timing = timing
+        self._payload_at = payload_at
+        self._is_plant = is_plant
+        self._earlier = b""
+        self._dones: list[int] = []
+        self._first: i64 = -1
+
+    def turn(
+        self, data: bytes, piece: Piece, command: tuple[str, bytes] | None,
+        snapshot: tuple[int, str] | None,
+    ) -> Turn | None:  # fmt: skip
+        """The turn that a piece ends, None when it goes on with the next one."""
+        own = data[piece.start : piece.end]
+        batches: tuple[bytes, ...] = tuple(piece.batches)
+        if piece.timing < 0:
+            return Turn(-1, -1, 0, _NO_TIME, -1, batches, None, snapshot, own)
+        times: tuple[int, int, int, int, int, int, bool] = self._timing.unpack_from(
+            data, piece.timing + self._payload_at
+        )
+        tick, _, scheduled_ns, woke_ns, done_ns, used, missed = times
+        first: i64 = tick if self._first < 0 else self._first
+        if missed:
+            self._first = first
+            self._earlier += own
+            self._dones.append(done_ns)
+            return None
+        instants: tuple[int, ...] = (woke_ns, done_ns)
+        if self._first >= 0:
+            own = self._earlier + own
+            if not self._is_plant:
+                instants = (woke_ns, *self._dones, done_ns)
+            self._first, self._earlier, self._dones = -1, b"", []
+        return Turn(first, tick, scheduled_ns, instants, used, batches, command, snapshot, own)
 
 
 def _end_of(data: bytes, offset: i64) -> i64:
