@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 import time
@@ -93,14 +94,14 @@ def measure_all(ticks: int) -> dict[str, dict[str, float | None]]:
     """Return the mean of every fast model and law [us]; None where the law refuses the model."""
     table: dict[str, dict[str, float | None]] = {}
     with tempfile.TemporaryDirectory(prefix="hil-step-") as name:
+        prepare(resolve(scenarios.read("steady", _changes(ticks, []))).realtime)
         for model in FAST:
             for law in LAWS:
                 changes = [("plant.model", model), ("controller.name", law)]
-                scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
-                try:
+                cost = None
+                with contextlib.suppress(ConfigError):
+                    scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
                     cost = min(_whole(scenario, Path(name)).mean_us for _ in range(_TURNS))
-                except ConfigError:
-                    cost = None
                 table.setdefault(model, {})[law] = cost
     return table
 

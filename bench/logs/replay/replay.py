@@ -159,8 +159,8 @@ class _Comparison:
                 continue
             if turn.tick * self._period_ns > span.end_ns:
                 break
-            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick >= 0:
-                self.gaps.append(Gap(self.loop.next_tick, -1))
+            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick() >= 0:
+                self.gaps.append(Gap(self.loop.next_tick(), -1))
                 waiting = not self._resumed(turn)
                 continue
             self._compare(turn)

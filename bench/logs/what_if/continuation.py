@@ -135,7 +135,7 @@ def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     controller_loop, in_flight = _brought_to(both[1], "controller", scenario, tick, notes)
     assert isinstance(plant_loop, ReplayedPlant)
     assert isinstance(controller_loop, ReplayedController)
-    if plant_loop.next_tick != tick:
+    if plant_loop.next_tick() != tick:
         raise both[0].error(f"ends before tick {tick}, or skipped it")
     if scenario.loop.clock == "realtime":
         notes.append("recorded in real time, continued in lockstep: every answer comes in time")
@@ -190,10 +190,10 @@ def _play(log: Log, loop: Loop, recorded: Iterator[Turn], between: tuple[int, in
         if turn.tick >= end:
             break
         is_note = turn.first_tick < 0
-        if turn.tick < start if not is_note else loop.next_tick <= start:
+        if turn.tick < start if not is_note else loop.next_tick() <= start:
             continue
-        if not is_note and turn.first_tick != loop.next_tick >= 0:
-            raise log.error(f"ticks are missing between {loop.next_tick} and {end}")
+        if not is_note and turn.first_tick != loop.next_tick() >= 0:
+            raise log.error(f"ticks are missing between {loop.next_tick()} and {end}")
         same = loop.turn(turn) == turn.recorded and same
     return same
 
