@@ -16,7 +16,7 @@ import controller.build
 import plant.build
 from bench.measure.latency import machine
 from bench.measure.step_parts import WARM_UP, Changes, costs_us
-from bench.run import directory, lockstep, scenarios
+from bench.run import directory, offline, scenarios
 from bench.run.resolve import resolve
 from controller.motion.laws import LAWS
 from drivers.links import open_memory
@@ -115,11 +115,11 @@ def _whole(scenario: Resolved, logs: Path | None) -> Whole:
     try:
         loop = plant.build.make_loop(scenario, ends[0], recorders[0])
         answering = controller.build.make_loop(scenario, ends[1], recorders[1])
-        lockstep.join(ends[0].link, ends[1].link, answering)
-        tick = lockstep.run_ticks(loop, 0, WARM_UP)
+        offline.join(ends[0].link, ends[1].link, answering)
+        tick = offline.run_ticks(loop, 0, WARM_UP)
         middle = (tick + scenario.ticks) // 2
         start_ns = time.perf_counter_ns()
-        tick = lockstep.run_ticks(loop, tick, middle)
+        tick = offline.run_ticks(loop, tick, middle)
         mean_us = (time.perf_counter_ns() - start_ns) / (middle - WARM_UP) * 1e-3
         single_us = _single(loop, tick, scenario.ticks)
     finally:

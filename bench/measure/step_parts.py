@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 
 import controller.build
 import plant.build
-from bench.run import lockstep, scenarios
+from bench.run import offline, scenarios
 from bench.run.resolve import resolve
 from drivers.links import open_memory
 from drivers.recorder.client import NullRecorder
@@ -75,7 +75,7 @@ def pair_of(scenario: Resolved) -> Pair:
     ends = open_memory()
     plant_loop = plant.build.make_loop(scenario, ends[0], NullRecorder())
     answering = controller.build.make_loop(scenario, ends[1], NullRecorder())
-    lockstep.join(ends[0].link, ends[1].link, answering)
+    offline.join(ends[0].link, ends[1].link, answering)
     return Pair(plant_loop, answering)
 
 
@@ -160,7 +160,7 @@ def write_calls(changes: Changes, path: Path) -> None:
     calls: Calls = {}
     for part in PARTS:
         _listen(part, calls.setdefault(f"{part.module}:{part.function}", []))
-    lockstep.run_ticks(pair.plant, 0, scenario.ticks)
+    offline.run_ticks(pair.plant, 0, scenario.ticks)
     with path.open("wb") as file:
         pickler = pickle.Pickler(file)
         pickler.persistent_id = lambda held: lasting.get(id(held))  # type: ignore[method-assign]

@@ -68,8 +68,13 @@ class Status(ports.StatusSink, UserList):
 
 
 class Commands(ports.CommandSource, UserList):
+    answers = ()
+
     def poll(self):
         return self.pop(0) if self else None
+
+    def answer(self, *told):
+        self.answers = (*self.answers, told)
 
 
 class Bench:

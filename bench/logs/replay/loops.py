@@ -8,7 +8,7 @@ import controller.build
 import plant.build
 import plant.memory
 from bench.logs.replay.ports import Catch, Tape, TapeCommands, TapeLink, Unseen
-from bench.logs.replay.turns import Turn
+from bench.logs.replay.turn import Turn
 from controller.loop import ControllerLoop, LoopMemory
 from drivers.links import Connection
 from hil import snapshot

@@ -18,7 +18,8 @@ from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
 from bench.logs.replay.outcome import Found, Gap, Outcome
 from bench.logs.replay.rig import replay_rig
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from hil import log as logs
 from hil.config.check import check_json
 from hil.config.resolved import Resolved

@@ -13,7 +13,7 @@ from typing import Any
 from bench.logs.replay.differences import Difference, same
 from bench.logs.replay.loops import ReplayedController
 from bench.logs.replay.outcome import Found, Outcome
-from bench.logs.replay.turns import Turn
+from bench.logs.replay.turn import Turn
 from hil.config.resolved import Resolved
 from hil.log import Log, Span, topics
 from hil.log.records import PAYLOAD_OFFSET

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
+from bench.logs.replay.turn import Turn
 from hil.log import Log, Span, topics
 from hil.log.part import ALWAYS, TopicInfo
 from hil.log.records import MESSAGE, MESSAGE_HEAD, PAYLOAD_OFFSET
@@ -27,26 +28,6 @@ _head_of: Final = struct.Struct("<BQH").unpack_from
 _times_of: Final = struct.Struct("<" + topics.TIMING.layout.format[1:]).unpack_from
 
 Mark = tuple[int, int, int]  # topic by today's channel number, first byte, end
-
-
-class Turn(NamedTuple):
-    """One turn as recorded.
-
-    first_tick, tick : first and last tick that it stepped, -1 when it stepped none
-    times_ns : what the pacer was asked, in order
-    used_tick : what /timing says of the last tick
-    snapshot : the state behind it and the tick that comes next, if it is there
-    """
-
-    first_tick: int
-    tick: int
-    scheduled_ns: int
-    times_ns: tuple[int, ...]
-    used_tick: int
-    batches: tuple[bytes, ...]
-    command: tuple[str, bytes] | None
-    snapshot: tuple[int, str] | None
-    recorded: bytes
 
 
 class _Piece(NamedTuple):
@@ -188,7 +169,9 @@ def _piece(log: Log, data: bytes, marks: list[Mark]) -> _Piece:
 def _numbers(log: Log) -> dict[int, int]:
     """Return today's channel number of each channel of the log; those of others are negative."""
     return {
-        info.channel_id: _NAMES.get(name, -info.channel_id) for name, info in log.topics.items()
+        number: _NAMES.get(name, -number)
+        for name, info in log.topics.items()
+        for number in info.channels
     }
 
 
@@ -215,7 +198,7 @@ def split(
 
     Raises: ValueError when the bytes are no such records
     """
-    by_number = {info.channel_id: info for info in known.values()}
+    by_number = {number: info for info in known.values() for number in info.channels}
     found, offset = [], 0
     while offset + MESSAGE_HEAD.size <= len(data):
         opcode, length, number = _head_of(data, offset)

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
 from bench.run import directory as outdir
-from bench.run import lockstep
+from bench.run import offline
 from bench.run.directory import RunFiles
 from controller.loop import ControllerLoop
 from drivers.links import Connection, open_memory
@@ -237,7 +238,7 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     plant_loop = _plant(resumed, wanted, plant_end, recorders["plant"])
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
     controller_end.link.send(resumed.in_flight)
-    lockstep.join(plant_end.link, controller_end.link, controller_loop)
+    offline.join(plant_end.link, controller_end.link, controller_loop)
     t_ns = resumed.tick * scenario.loop.period_ns
     for name, memory in (
         ("plant", plant_loop.remember()),
