@@ -142,14 +142,25 @@ class ControllerLoop:
     def _command(self, tick: i64) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
         if tick >= self._planned_tick:
-            planned = self._schedule.get(tick)
-            self._planned_tick = min((t for t in self._schedule if t > tick), default=NEVER)
+            planned = self._planned()
             if planned is not None:
                 return planned
         if tick % _COMMAND_EVERY != 0:
             return None
         received = self._commands.poll()
         return None if received is None else self._heard_from(tick, *received)
+
+    def _planned(self) -> OperatorCommand | None:
+        """The scenario's next order, which may be late: the first sample can be later than it.
+
+        A start waits for samples, as an operator would.
+        """
+        due_tick = self._planned_tick
+        planned = self._schedule[due_tick]
+        if planned.kind == "start" and self.state.stale >= self.params.bounds.stale_ticks:
+            return None
+        self._planned_tick = min((t for t in self._schedule if t > due_tick), default=NEVER)
+        return planned
 
     def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
         """The command that came over the command key, unless it is refused."""

@@ -117,12 +117,12 @@ def _conclude(
     }
     if ended.error is not None:
         facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
+    for log in (files.plant_log, files.controller_log):
+        mend(log)
     if isinstance(ended.error, InterruptedRunError):  # judging may take longer than a user waits
         told = summary.summarise_fault(scenario, facts)
         summary.write(told, files.summary)
         return told
-    for log in (files.plant_log, files.controller_log):
-        mend(log)
     try:
         data = read_run(scenario, files)
     except LogError as error:
