@@ -13,6 +13,7 @@ from hil.wire.messages import ControllerTick, MachineCommand, Message, Pulse
 from plant.engines.machine import MachineOrder
 from plant.rig.state import AS_BEFORE, Command
 
+_TICK_MASK: Final = 0xFFFFFFFF
 _COMING_UP_NS: Final = 1_000_000_000
 """For so long at the most the plant goes on as it began when nothing is heard."""
 
@@ -71,14 +72,16 @@ class AnswersMemory(Value):
 class Answers:
     """The controller's end as the plant hears it."""
 
-    def __init__(self, link: Link, first_tick: int, period_ns: int) -> None:
+    def __init__(self, link: Link, first_tick: int, period_ns: int, stale_ticks: int) -> None:
         self.decoder = Decoder("controller")
         self.first_tick = first_tick
         self.used_tick = -1
         self.answered = 0
+        self.stale = 0  # answers that had waited too long to be acted on
         self.peer_lost = False
         self._link = link
         self._period_ns = period_ns
+        self._stale_ticks = stale_ticks
         self._answered_before = False
         self._silent_turns = 0
         self._throttle = 1.0
@@ -91,9 +94,9 @@ class Answers:
         if not arrived:
             return self._unanswered(tick)
         self._silent_turns = 0
-        head, machine, pulses = _read(self.decoder.decode(arrived[0]))
+        head, machine, pulses = self._fresh(arrived[0], tick)
         for batch in arrived[1:]:
-            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            next_head, next_machine, newer = self._fresh(batch, tick)
             head, machine = next_head or head, next_machine or machine
             pulses = wire.superseded(pulses, newer)
         if head is None:
@@ -108,6 +111,17 @@ class Answers:
             if machine is not None:
                 self._throttle = machine.throttle
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
+
+    def _fresh(
+        self, batch: bytes, tick: int
+    ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
+        """What one batch holds; nothing when it answers a sample that is too old by now."""
+        head, machine, pulses = _read(self.decoder.decode(batch))
+        age = 0 if head is None else tick - head.tick & _TICK_MASK
+        if age <= self._stale_ticks or age > _TICK_MASK >> 1:
+            return head, machine, pulses
+        self.stale += 1
+        return None, None, []
 
     def _unanswered(self, tick: int) -> Answer:
         """Nothing came: not yet, while the controller is coming up, or no more."""

@@ -12,7 +12,7 @@ from plant.loop import PlantLoop
 def describe(loop: PlantLoop) -> str:
     """How the plant is, in one line."""
     state = loop.state
-    how = "safe state" if state.stale >= loop.params.stale_ticks else "controlled"
+    how = "safe state" if state.latch else "controlled"
     return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
 
 

@@ -18,15 +18,22 @@ REST_POSITION_M: Final = 2e-3
 
 @final
 class Bounds(Value):
-    """The most that is borne: position, ticks without a sample, misfires in a row, motoring."""
+    """The most that is borne: position, ticks without a sample, misfires in a row, motoring.
 
-    __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns")
+    unheard_ns: after so long in a mode the plant must have taken an answer
+    """
 
-    def __init__(self, limit_m: float, stale_ticks: int, misfires: int, motoring_ns: int) -> None:
+    __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns", "unheard_ns")
+
+    def __init__(
+        self, limit_m: float, stale_ticks: int, misfires: int, motoring_ns: int,
+        unheard_ns: int = 10_000_000,
+    ) -> None:  # fmt: skip
         self.limit_m = limit_m
         self.stale_ticks = stale_ticks
         self.misfires = misfires
         self.motoring_ns = motoring_ns
+        self.unheard_ns = unheard_ns
 
     def excludes(self, x_m: float) -> bool:
         """Whether the piston must not be there."""
@@ -67,6 +74,7 @@ def is_uneventful(bounds: Bounds, operation: Operation, seen: Observation, strok
     return (
         operation.mode is Mode.GENERATING
         and seen.stale == 0
+        and not seen.unheard
         and not seen.passed.dead_centre
         and (operation.fired_t_ns < 0 or not _is_check_due(operation, seen, stroke_s))
         and operation.misfires < bounds.misfires
@@ -108,6 +116,7 @@ def _facts(
         start_requested=request == "start",
         stop_requested=request == "stop",
         sample_stale=seen.stale >= bounds.stale_ticks,
+        unheard=seen.unheard and seen.t_ns - operation.since_t_ns > bounds.unheard_ns,
         beyond_limit=bounds.excludes(motion.tdc_m if seen.passed.dead_centre else motion.x_m),
         fired=fired,
         misfired=misfired,

@@ -10,7 +10,7 @@ from typing import Final, final
 
 from hil.roots import newton
 from hil.values import Value, replace
-from hil.wire.messages import PistonSample
+from hil.wire.messages import UNHEARD_SAFE, PistonSample
 
 AMPLITUDE_MIN_M = 0.5e-3
 """A reversal nearer to mid-stroke than this is no dead centre that could be fired."""
@@ -95,15 +95,21 @@ MID_STROKE: Final = Passed(mid_stroke=True)
 
 @final
 class Observation(Value):
-    """What a tick shows of the motion; `stale` ticks in a row have had no sample."""
+    """What a tick shows of the motion; `stale` ticks in a row have had no sample.
 
-    __slots__ = ("t_ns", "motion", "passed", "stale")
+    unheard: whether the sample said that the plant is in its safe state
+    """
 
-    def __init__(self, t_ns: int, motion: Motion, passed: Passed, stale: int) -> None:
+    __slots__ = ("t_ns", "motion", "passed", "stale", "unheard")
+
+    def __init__(
+        self, t_ns: int, motion: Motion, passed: Passed, stale: int, unheard: bool = False
+    ) -> None:
         self.t_ns = t_ns
         self.motion = motion
         self.passed = passed
         self.stale = stale
+        self.unheard = unheard
 
 
 def observe(motion: Motion, stale: int, sample: PistonSample | None, t_ns: int) -> Observation:
@@ -111,7 +117,7 @@ def observe(motion: Motion, stale: int, sample: PistonSample | None, t_ns: int) 
     if sample is None:
         return Observation(t_ns, motion, NOTHING, stale + 1)
     motion, passed = update(motion, t_ns, sample.x_m, sample.v_m_s)
-    return Observation(t_ns, motion, passed, 0)
+    return Observation(t_ns, motion, passed, 0, sample.unheard == UNHEARD_SAFE)
 
 
 def update(motion: Motion, t_ns: int, x: float, v: float) -> tuple[Motion, Passed]:

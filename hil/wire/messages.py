@@ -50,6 +50,9 @@ ELECTRIC_POWER, P_LEFT, P_RIGHT = SLOW_SIGNALS
 SLOW_ORDER: Final = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
 """They take turns: which one a tick carries, by its number modulo four."""
 
+UNHEARD_SAFE: Final = 15
+"""The plant is in its safe state."""
+
 PULSE_CLOCK_US: Final = 1 << 20
 """Openings are given in plant microseconds modulo this (20 bits)."""
 
@@ -80,10 +83,13 @@ class PistonSample(NamedTuple):
 
     x_m: position from mid-stroke
     v_m_s: velocity
+    unheard: how long no answer could be acted on: nought, or in fourteenths of what the plant
+        bears; 15 when it is in its safe state
     """
 
     x_m: A[float, Signal("i24", scale=1e-8, unit="m", minimum=-0.08, maximum=0.08)]
     v_m_s: A[float, Signal("i24", scale=1e-6, unit="m/s", minimum=-8.0, maximum=8.0)]
+    unheard: A[int, Signal("u4")] = 0
 
 
 @message(0x200, sender="controller", receiver="plant")

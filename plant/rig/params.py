@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Final, final
 
 from hil.config.plant import PlantConfig, SensorConfig
+from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
 from hil.values import Value
 from hil.wire.commands import TimedCommand
@@ -21,12 +22,15 @@ _FUEL_TOLERANCE_KG: Final = 0.5e-9
 
 @final
 class PlantParams(Value):
-    """Everything constant in a run; `names`, `events` and `edges` are the disturbances."""
+    """Everything constant in a run; `names`, `events` and `edges` are the disturbances.
+
+    rearm: the safe state ends when answers return, and needs no start
+    """
 
     __slots__ = (
         "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m", "peak_force_n",
         "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors", "noisy", "seed",
-        "names", "events", "edges", "delay_ticks",
+        "names", "events", "edges", "delay_ticks", "rearm",
     )  # fmt: skip
 
     def __init__(
@@ -48,6 +52,7 @@ class PlantParams(Value):
         events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...],
         delay_ticks: int,
+        rearm: bool,
     ) -> None:
         self.engine = engine
         self.dt_s = dt_s
@@ -66,6 +71,7 @@ class PlantParams(Value):
         self.events = events
         self.edges = edges
         self.delay_ticks = delay_ticks
+        self.rearm = rearm
 
 
 def checked_period_ns(period_ns: int) -> int:
@@ -84,6 +90,7 @@ def rig_params(
     period_ns: int,
     seed: int,
     events: Mapping[str, TimedCommand],
+    rearm: bool = False,
 ) -> PlantParams:
     """Flatten a configuration around an engine that is built."""
     prototype = config.resolved_prototype()
@@ -93,7 +100,7 @@ def rig_params(
         engine=engine,
         dt_s=period_ns / SECOND_NS,
         period_ns=period_ns,
-        stale_ticks=config.stale_ticks,
+        stale_ticks=stale_ticks(config.stale_s, period_ns),
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
         spark_window_ns=config.spark_window_s * SECOND_NS,
@@ -110,4 +117,5 @@ def rig_params(
         events=tuple(events.values()),
         edges=compile_edges(tuple(events.values())),
         delay_ticks=config.command_delay_ticks,
+        rearm=rearm,
     )

@@ -74,12 +74,14 @@ class PlantState(Value):
 
     lit: the charge that a spark has lit in this stroke, for engines that burn before the dead
         centre
+    stale: ticks in a row without an answer that may be acted on
+    latch: of the safe state (hil/wire/latch.py)
     waiting: commands that have arrived and do not act yet, the oldest first
     """
 
     __slots__ = (
         "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
-        "stale", "contacts", "waiting",
+        "stale", "latch", "contacts", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -93,6 +95,7 @@ class PlantState(Value):
         dead_centre: DeadCentre,
         lit: Charge,
         stale: int,
+        latch: int,
         contacts: int,
         waiting: tuple[Command | None, ...],
     ) -> None:
@@ -105,6 +108,7 @@ class PlantState(Value):
         self.dead_centre = dead_centre
         self.lit = lit
         self.stale = stale
+        self.latch = latch
         self.contacts = contacts
         self.waiting = waiting
 

@@ -47,7 +47,7 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
         if motion is not None:
             return PlantState(
                 s.tick + 1, motion, s.stroke, s.machine, s.pulses, s.disturbances, s.dead_centre,
-                s.lit, s.stale, s.contacts, s.waiting,
+                s.lit, s.stale, s.latch, s.contacts, s.waiting,
             ), tuple(events)  # fmt: skip
     return _busy_tick(p, s, events), tuple(events)
 

@@ -63,7 +63,7 @@ def test_voltages_become_the_frames_that_the_plant_would_send():
     head, sample = Decoder("plant").decode(source.measure(7))
     assert head[:3] == (7, 2, 0)
     assert head.electric_power_w == pytest.approx(800.0)
-    assert sample == pytest.approx((0.005, 2.0))
+    assert sample == pytest.approx((0.005, 2.0, 0))
     source.close()
     assert device.closed
 

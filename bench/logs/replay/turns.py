@@ -24,6 +24,7 @@ _RECEIVED, _EVENT = topics.FRAMES_RECEIVED.channel_id, topics.EVENT.channel_id
 _SNAPSHOT, _COMMAND = topics.SNAPSHOT.channel_id, topics.COMMAND.channel_id
 _BATCH_AT: Final = PAYLOAD_OFFSET + topics.FRAMES_RECEIVED.layout.size + 4
 _head_of: Final = struct.Struct("<BQH").unpack_from
+_time_of: Final = struct.Struct("<8xq").unpack_from  # of /frames: behind the tick, aligned
 _times_of: Final = struct.Struct("<" + topics.TIMING.layout.format[1:]).unpack_from
 
 Mark = tuple[int, int, int]  # topic by today's channel number, first byte, end
@@ -72,8 +73,8 @@ def _controller_turns(pieces: Iterator[_Piece]) -> Iterator[Turn]:
     """Ticks that were missed belong to the turn of the batch that showed the gap."""
     earlier, dones, first = b"", [], -1
     for data, times, batches, command, snapshot in pieces:
-        if not times:
-            yield Turn(-1, -1, 0, (0,), -1, batches, None, snapshot, data)
+        if len(times) == 1:  # a batch that was not acted on, and when that was decided
+            yield Turn(-1, -1, 0, times, -1, batches, None, snapshot, data)
             continue
         tick, _, scheduled_ns, woke_ns, done_ns, used, missed = times
         if missed:
@@ -176,6 +177,7 @@ def _piece(log: Log, data: bytes, marks: list[Mark]) -> _Piece:
             times = _times_of(data, start + PAYLOAD_OFFSET)
         elif kind == _RECEIVED:
             batches = (*batches, data[start + _BATCH_AT : end])
+            times = times or _time_of(data, start + PAYLOAD_OFFSET)
         elif kind == _COMMAND:
             *_, origin, raw = _values(log, "/command", data, (kind, start, end))
             command = (origin, raw)
