@@ -9,6 +9,8 @@ import threading
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from bench import streams
+
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
@@ -36,7 +38,7 @@ def is_interrupt(error: BaseException | None) -> bool:
 def told() -> int:
     """Say it once: another one while everything is put away is nothing new; the exit code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    print("interrupted", file=sys.stderr, flush=True)
+    streams.say("interrupted")
     return EXIT_CODE
 
 
@@ -44,7 +46,7 @@ def _tell(kind: type[BaseException], error: BaseException, traceback: TracebackT
     if not is_interrupt(error):
         sys.__excepthook__(kind, error, traceback)
         return
-    print("interrupted", file=sys.stderr, flush=True)
+    streams.say("interrupted")
     os._exit(EXIT_CODE)  # the interpreter would end itself by the signal
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Final, final
 
-from controller.mode.start_restart import Mode
+from mypy_extensions import i64
+
+from controller.mode.start_restart import GENERATING, MOTORING, Mode
+from controller.mode.start_restart import OFF as AT_REST
 from controller.timing.plan import PlannedPulse
 from hil.values import Value
 from hil.wire.fields import layout_of
@@ -29,7 +32,7 @@ class Machine(Value):
 
     __slots__ = ("mode", "force_n", "load_n_s_m")
 
-    def __init__(self, mode: int, force_n: float = 0.0, load_n_s_m: float = 0.0) -> None:
+    def __init__(self, mode: i64, force_n: float = 0.0, load_n_s_m: float = 0.0) -> None:
         self.mode = mode
         self.force_n = force_n
         self.load_n_s_m = load_n_s_m
@@ -40,25 +43,26 @@ def machine_for(mode: Mode, force_n: float, load_n_s_m: float, full_load_n_s_m: 
 
     Removing the load would not be safe: the piston would go on oscillating (thesis section 5.3).
     """
-    if mode is Mode.GENERATING:
+    if mode is GENERATING:
         return Machine(GENERATOR, 0.0, load_n_s_m)
-    if mode is Mode.MOTORING:
+    if mode is MOTORING:
         return Machine(MOTOR, force_n, 0.0)
-    if mode is Mode.OFF:
+    if mode is AT_REST:
         return Machine(OFF)
     return Machine(GENERATOR, 0.0, full_load_n_s_m)
 
 
 def still_open(
-    pulses: tuple[PlannedPulse, ...], planned: tuple[PlannedPulse | None, ...], t_ns: int
-) -> tuple[PlannedPulse, ...]:
+    pulses: tuple[PlannedPulse, ...], injection: PlannedPulse | None, spark: PlannedPulse | None,
+    t_ns: i64,
+) -> tuple[PlannedPulse, ...]:  # fmt: skip
     """Pulses to send in this tick: those not closed yet, a newly planned one replacing its channel.
 
     They are sent again every tick until they have closed, so that one lost frame costs nothing.
     """
-    if _nothing_changes(pulses, planned, t_ns):
+    if _nothing_changes(pulses, injection, spark, t_ns):
         return pulses
-    new = [pulse for pulse in planned if pulse is not None]
+    new = [pulse for pulse in (injection, spark) if pulse is not None]
     channels = [pulse.channel for pulse in new]
     kept = [pulse for pulse in pulses if pulse.channel not in channels]
     alive = [pulse for pulse in kept + new if pulse.close_ns > t_ns]
@@ -67,22 +71,23 @@ def still_open(
 
 
 def _nothing_changes(
-    pulses: tuple[PlannedPulse, ...], planned: tuple[PlannedPulse | None, ...], t_ns: int
-) -> bool:
+    pulses: tuple[PlannedPulse, ...], injection: PlannedPulse | None, spark: PlannedPulse | None,
+    t_ns: i64,
+) -> bool:  # fmt: skip
     """Whether nothing is new, told by identity, and nothing closes: most ticks."""
-    for plan in planned:
-        if plan is None:
-            continue
-        for pulse in pulses:
-            if pulse is plan:
-                break
-        else:
+    seen_injection, seen_spark = injection is None, spark is None
+    for pulse in pulses:
+        if pulse.open_ns + pulse.duration_ns <= t_ns:
             return False
-    return not pulses or all(pulse.open_ns + pulse.duration_ns > t_ns for pulse in pulses)
+        if pulse is injection:
+            seen_injection = True
+        elif pulse is spark:
+            seen_spark = True
+    return seen_injection and seen_spark
 
 
 def messages(
-    tick: int, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...]
+    tick: i64, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...]
 ) -> tuple[Message, ...]:
     """The messages that answer a sample."""
     command = MachineCommand(machine.mode, machine.force_n, machine.load_n_s_m, throttle)

@@ -46,7 +46,8 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         unheard_ns=round(limits.stale_s * 1e9),
     )
     full_load = supervisory.full_load(config, engine)
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map)
+    laws = {name: law(config) for name, law in LAWS.items()}
+    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:
@@ -66,9 +67,7 @@ def initial_state(params: Params) -> State:
         stale=0,
         operation=Operation(initial_mode(config), fired_strokes=config.start.open_strokes),
         set_points=set_points,
-        fuelling=Fuelling(
-            config.name, LAWS[config.name].initial, NO_DEMAND, (steady_kg, steady_kg)
-        ),
+        fuelling=Fuelling(config.name, params.law.initial(), NO_DEMAND, (steady_kg, steady_kg)),
         plan=NO_PLAN,
         pulses=(),
     )

@@ -37,8 +37,15 @@ def follow_in_lockstep(
         loop.turn(batch)
     else:
         return
+    step_alone(loop, link)
+
+
+def step_alone(loop: ControllerLoop, link: Link) -> bool:
+    """Step without samples until the safe state, whose orders a plant that is there still hears."""
     for _ in range(loop.params.bounds.stale_ticks):
+        link.wait(loop.params.period_ns)
         loop.turn(None)
+    return True
 
 
 def follow_in_real_time(

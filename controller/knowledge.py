@@ -6,19 +6,19 @@ The plant may differ (another model, other parameters); the loops take up the di
 from __future__ import annotations
 
 import math
-from typing import final
+from typing import Final, final
 
 from hil.config.prototypes import Prototype
 from hil.roots import newton
 from hil.values import Value
 
-_NEWTON_STEPS = 60
+_NEWTON_STEPS: Final = 60
 
 
-TUNED_FUEL_PER_SPEED_KG_S_M = 1.4512e-6
+TUNED_FUEL_PER_SPEED_KG_S_M: Final = 1.4512e-6
 """Slope of fuel over mid-stroke speed at which the laws' gains were found (docs/tuning.md)."""
 
-_SLOPE_STEP = 0.01
+_SLOPE_STEP: Final = 0.01
 
 
 @final
@@ -84,7 +84,7 @@ def load_for_power(engine: Prototype, tdc_m: float, power_w: float) -> float:
 
 
 def motoring_force(
-    engine: Prototype, x_m: float, v_m_s: float, direction: int, amplitude_m: float
+    engine: Prototype, x_m: float, v_m_s: float, direction: float, amplitude_m: float
 ) -> float:
     """Force in the direction of motion that makes the next dead centre lie at an amplitude [N].
 

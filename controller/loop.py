@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
@@ -125,7 +126,8 @@ class ControllerLoop:
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
-        frames = self._encoder.encode(output.messages)
+        answer = messages(self.tick, output.mode, output.machine, output.throttle, output.pulses)
+        frames = self._encoder.encode(answer)
         self._link.send(frames)
         return frames
 
@@ -182,7 +184,7 @@ class ControllerLoop:
         state, reception, stroke = self.state, self.reception, self._finished
         status = ControllerStatus(
             mode=state.mode.name.lower(),
-            t_s=self.tick * self.params.period_ns * 1e-9,
+            t_s=float(self.tick * self.params.period_ns) * 1e-9,
             tick=self.tick,
             tdc_mm=None if stroke is None else stroke.tdc_m * 1e3,
             tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,

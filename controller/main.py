@@ -7,7 +7,13 @@ from pathlib import Path
 
 from controller.build import make_loop, make_pacer
 from controller.duty import Duty
-from controller.follow import facts, follow_in_lockstep, follow_in_real_time, raise_if_lost
+from controller.follow import (
+    facts,
+    follow_in_lockstep,
+    follow_in_real_time,
+    raise_if_lost,
+    step_alone,
+)
 from controller.loop import ControllerLoop
 from drivers.gpio.link import open_outputs, with_outputs
 from drivers.links import Connection, open_link
@@ -15,6 +21,7 @@ from drivers.system.clock import SystemClock
 from drivers.system.effort import Effort
 from drivers.system.process import (
     Stop,
+    brake,
     guarded,
     last_words,
     note_granted,
@@ -26,6 +33,7 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
+from hil.config.terms import terms_of
 from hil.values import NEVER
 
 
@@ -37,10 +45,13 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop = Stop()
     stop.listen()
     recorder = open_recorder(log, scenario, "controller")
+    recorder.watch(scenario.log.recorder_lost, stop.end)
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = with_outputs(open_link("controller", scenario.link, scenario.loop), outputs)
+    connection = with_outputs(
+        open_link("controller", scenario.link, scenario.loop, terms_of(scenario)), outputs
+    )
     duty = None
     if service is not None:
         duty = Duty(service.heart, service, connection.commands, scenario.safety.rearm)
@@ -57,13 +68,18 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
             service.wait_for_peer(connection.link, "plant", scenario.loop.peer_timeout_s, stop)
         effort = Effort(recorder)
         _follow(scenario, loop, connection, pacer.patience_ns, stop, duty)
-        told = facts(loop, connection.link)
+        if stop.cause:
+            period_ns = loop.params.period_ns
+            brake(stop, recorder, loop.tick + 1, (loop.tick + 1) * period_ns,
+                  lambda: step_alone(loop, connection.link))  # fmt: skip
+        told = {**facts(loop, connection.link), **stop.facts()}
         last_words({**told, "granted": granted, **effort.told()})
     finally:
         if service is not None and stop.requested:
             service.ends()
         connection.close()
         recorder.close()
+    stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
     return 0

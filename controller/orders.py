@@ -39,4 +39,4 @@ def _refusal(params: Params, command: OperatorCommand) -> str:
 def _with_law(params: Params, state: State, name: str) -> State:
     """Let another law go on from here; in a mode without one it will begin afresh."""
     view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
-    return replace(state, fuelling=state.fuelling.handed_over(params.config, name, view))
+    return replace(state, fuelling=state.fuelling.handed_over(name, params.law_of(name), view))

@@ -9,7 +9,7 @@ from controller.observe.plausibility import CLEAR, Credence, judge
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
 from hil.wire.e2e import MAX_DELTA
-from hil.wire.messages import PistonSample, PlantTick
+from hil.wire.messages import P_LEFT, P_RIGHT, PistonSample, PlantTick
 
 _NAN: Final = float("nan")
 _TICK_MODULO: Final = 1 << 32
@@ -83,13 +83,22 @@ class Reception:
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
                 tick = self._whole_tick(message.tick, last_tick)
-                self.slow[message.slow] = message[3 + message.slow]
                 power_w = message.electric_power_w
+                self._hear(message)
             elif type(message) is PistonSample:
                 sample = message
         if sample is None or tick <= last_tick or not self._is_believed(tick, sample, motion):
             return Arrival(tick, batch)
         return Arrival(tick, batch, sample, power_w)
+
+    def _hear(self, head: PlantTick) -> None:
+        """Keep the slow signal that a head carries."""
+        carried = head.electric_power_w
+        if head.slow == P_LEFT:
+            carried = head.p_left_pa
+        elif head.slow == P_RIGHT:
+            carried = head.p_right_pa
+        self.slow[head.slow] = carried
 
     def _is_believed(self, tick: int, sample: PistonSample, motion: Motion) -> bool:
         """Whether an intact sample is of the tick of its head, and can follow the last one."""

@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 import math
+from typing import Final, final
 
 from controller.actuator import Machine
 from controller.motion.law import Demand
 from hil.config.controller import LimitsConfig
-from hil.values import replace
 
-LOAD_MAX_N_S_M = 10_000.0
+LOAD_MAX_N_S_M: Final = 10_000.0
 """What the wire carries at the most."""
 
 
-def limit_fuel(limits: LimitsConfig, throttle: float, demand: Demand) -> Demand:
+@final
+class Limits:
+    """Section `limits` of the configuration, read once for all ticks."""
+
+    def __init__(self, config: LimitsConfig) -> None:
+        self.fuel_min_kg = config.fuel_min_kg
+        self.fuel_max_kg = config.fuel_max_kg
+        self.force_n = config.force_n
+
+    def most_kg(self, throttle: float) -> float:
+        """The most fuel that the throttle admits [kg]."""
+        return self.fuel_max_kg * throttle
+
+
+def limit_fuel(limits: Limits, throttle: float, demand: Demand) -> Demand:
     """Keep the fuel within what an injector can do and the throttle admits."""
-    most = max(limits.fuel_max_kg * throttle, limits.fuel_min_kg)
+    most = max(limits.most_kg(throttle), limits.fuel_min_kg)
     fuel = min(max(demand.fuel_kg, limits.fuel_min_kg), most)
-    return demand if fuel == demand.fuel_kg else replace(demand, fuel_kg=fuel)
+    return demand if fuel == demand.fuel_kg else demand.of(fuel)
 
 
-def limit_machine(limits: LimitsConfig, machine: Machine) -> Machine:
+def limit_machine(limits: Limits, machine: Machine) -> Machine:
     """Keep force and load within the machine's limits; a number that is none becomes zero."""
     most = limits.force_n
     if -most <= machine.force_n <= most and 0.0 <= machine.load_n_s_m <= LOAD_MAX_N_S_M:
         return machine
     force = machine.force_n if -most <= machine.force_n <= most else _clamped(machine.force_n, most)
     load = machine.load_n_s_m if 0.0 <= machine.load_n_s_m <= LOAD_MAX_N_S_M else 0.0
-    return replace(machine, force_n=force, load_n_s_m=load)
+    return Machine(machine.mode, force, load)
 
 
 def _clamped(force_n: float, most: float) -> float:

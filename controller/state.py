@@ -3,40 +3,68 @@
 from __future__ import annotations
 
 import math
-from typing import final
+from typing import Any, final
+
+from mypy_extensions import i64
 
 from controller.actuator import Machine
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
 from controller.motion.fuelling import Fuelling
-from controller.motion.law import Demand, View
+from controller.motion.law import Demand, Law, View
 from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
+from controller.safety import Limits
 from controller.supervisory import SetPoints
-from controller.timing.plan import Plan, PlannedPulse
-from hil.config.controller import ControllerConfig
+from controller.timing.plan import Plan, PlannedPulse, Timings
+from hil.config.controller import ControllerConfig, StartConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
 from hil.wire.commands import OperatorCommand
-from hil.wire.messages import Message, PistonSample
+from hil.wire.messages import PistonSample
+from hil.wire.pulses import may_fire
 
 
 @final
-class Params(Value):
-    """What does not change during a run."""
+class Start:
+    """Section `start` of the configuration, read once for all ticks."""
 
-    __slots__ = ("config", "engine", "period_ns", "bounds", "full_load_n_s_m", "stroke_map")
+    def __init__(self, config: StartConfig) -> None:
+        self.force_n = config.force_n
+        self.constant_force = config.constant_force
+        self.amplitude_ratio = config.amplitude_ratio
+        self.ignition_ratio = config.ignition_ratio
+        self.open_strokes: i64 = config.open_strokes
+
+
+@final
+class Params:
+    """What does not change during a run.
+
+    laws: all that there are, by name; the one with which the run begins is at hand as `law`
+    """
 
     def __init__(
-        self, config: ControllerConfig, engine: Prototype, period_ns: int, bounds: Bounds,
-        full_load_n_s_m: float, stroke_map: StrokeMap | None,
+        self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
+        full_load_n_s_m: float, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
         self.period_ns = period_ns
+        self.dt_s = float(period_ns) * 1e-9
         self.bounds = bounds
         self.full_load_n_s_m = full_load_n_s_m
         self.stroke_map = stroke_map
+        self.limits = Limits(config.limits)
+        self.start = Start(config.start)
+        self.timings = Timings(config)
+        self.laws = laws
+        self.law_name: str = config.name
+        self.law = laws[config.name]
+
+    def law_of(self, name: str) -> Law[Any]:
+        """The law of that name."""
+        return self.law if name == self.law_name else self.laws[name]
 
 
 @final
@@ -49,7 +77,7 @@ class State(Value):
     __slots__ = ("motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses")
 
     def __init__(
-        self, motion: Motion, stale: int, operation: Operation, set_points: SetPoints,
+        self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...],
     ) -> None:  # fmt: skip
         self.motion = motion
@@ -76,7 +104,7 @@ class Inputs(Value):
     __slots__ = ("tick", "sample", "command", "power_w")
 
     def __init__(
-        self, tick: int, sample: PistonSample | None, command: OperatorCommand | None = None,
+        self, tick: i64, sample: PistonSample | None, command: OperatorCommand | None = None,
         power_w: float = math.nan,
     ) -> None:  # fmt: skip
         self.tick = tick
@@ -92,7 +120,7 @@ class StrokeReport(Value):
     __slots__ = ("number", "side", "tdc_m", "tdc_ref_m", "v_mid_m_s", "demand")
 
     def __init__(
-        self, number: int, side: int, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
+        self, number: i64, side: i64, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
         demand: Demand,
     ) -> None:  # fmt: skip
         self.number = number
@@ -109,22 +137,25 @@ Events = tuple[tuple[str, str], ...]
 
 @final
 class Output(Value):
-    """What goes out: the answer's messages, what they say in SI, and what the log should know."""
+    """What goes out, and what the log should know."""
 
-    __slots__ = ("messages", "machine", "throttle", "pulses", "stroke", "events", "may_fire")
+    __slots__ = ("mode", "machine", "throttle", "pulses", "stroke", "events")
 
     def __init__(
-        self, messages: tuple[Message, ...], machine: Machine, throttle: float,
-        pulses: tuple[PlannedPulse, ...], stroke: StrokeReport | None, events: Events,
-        may_fire: bool,
+        self, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...],
+        stroke: StrokeReport | None, events: Events,
     ) -> None:  # fmt: skip
-        self.messages = messages
+        self.mode = mode
         self.machine = machine
         self.throttle = throttle
         self.pulses = pulses
         self.stroke = stroke
         self.events = events
-        self.may_fire = may_fire
+
+    @property
+    def may_fire(self) -> bool:
+        """Whether a line may be high in this mode."""
+        return may_fire(self.mode)
 
 
 def view_of(
@@ -132,17 +163,9 @@ def view_of(
     power_w: float,
 ) -> View:  # fmt: skip
     """One tick as a law sees it."""
-    limits = params.config.limits
+    limits = params.limits
     return View(
-        dt_s=params.period_ns * 1e-9,
-        motion=motion,
-        passed=passed,
-        tdc_ref_m=set_points.tdc_ref_m,
-        load_n_s_m=set_points.load_n_s_m,
-        point=set_points.point,
-        power_w=power_w,
-        burnt_kg=fuelling.burnt_kg,
-        fuel_min_kg=limits.fuel_min_kg,
-        fuel_max_kg=limits.fuel_max_kg * set_points.throttle,
-        stroke_map=params.stroke_map,
-    )
+        params.dt_s, motion, passed, set_points.tdc_ref_m, set_points.load_n_s_m, set_points.point,
+        power_w, fuelling.burnt_kg, limits.fuel_min_kg, limits.most_kg(set_points.throttle),
+        params.stroke_map,
+    )  # fmt: skip

@@ -6,29 +6,36 @@ estimate -> start/restart -> supervisory -> piston motion -> timing -> actuator 
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Any, Final
+
+from mypy_extensions import i64
 
 from controller import actuator, safety, supervisory
 from controller.actuator import Machine
 from controller.knowledge import motoring_force
 from controller.mode.combustion import has_misfired
 from controller.mode.operation import decide, is_uneventful
-from controller.mode.start_restart import Mode
+from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion.fuelling import Fuelling
-from controller.motion.law import NO_DEMAND, View
-from controller.motion.laws import LAWS
-from controller.motion.prediction import ahead_by, seconds_ahead
-from controller.observe.estimate import Motion, Observation, observe
+from controller.motion.law import NO_DEMAND, Law, View
+from controller.motion.prediction import seconds_ahead
+from controller.observe.estimate import (
+    Motion,
+    Observation,
+    observe,
+    seconds_to_dead_centre,
+)
 from controller.orders import obey
 from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SetPoints
 from controller.timing import position
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan
-from controller.timing.spark import plan_spark
+from controller.timing.spark import may_move, plan_spark
+from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
-from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
@@ -41,10 +48,10 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
 
     Returns: the next state and the output, which acts at the plant's next tick
     """
-    config, t_ns = params.config, inputs.tick * params.period_ns
+    t_ns = inputs.tick * params.period_ns
     seen = observe(state.motion, state.stale, inputs.sample, t_ns)
     state, events = _operate(params, state, seen, inputs.command)
-    set_points = supervisory.slew(config, params.engine, state.set_points, params.period_ns * 1e-9)
+    set_points = supervisory.slew(params.config, params.engine, state.set_points, params.dt_s)
     stroke = None
     if seen.passed.dead_centre:
         stroke = _report(params, state, seen.motion, set_points)
@@ -52,14 +59,12 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     mode = state.operation.mode
     if plan.fuel_kg > 0.0:
         plan = _with_spark(params, mode, seen.motion, set_points, plan, fuelling, t_ns)
-    pulses = actuator.still_open(state.pulses, (plan.injection, plan.spark), t_ns)
+    pulses = actuator.still_open(state.pulses, plan.injection, plan.spark, t_ns)
     machine = safety.limit_machine(
-        config.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
+        params.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
     )
-    messages = actuator.messages(inputs.tick, mode, machine, set_points.throttle, pulses)
     after = State(seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses)
-    fires = may_fire(mode)
-    return after, Output(messages, machine, set_points.throttle, pulses, stroke, events, fires)
+    return after, Output(mode, machine, set_points.throttle, pulses, stroke, events)
 
 
 def _operate(
@@ -84,15 +89,15 @@ def _operate(
         return replace(state, operation=operation), events
     text = f"{before.mode.name} -> {operation.mode.name}: {rule}"
     events = (*events, (f"mode {operation.mode.name.lower()}", text))
-    return _entered(replace(state, operation=operation)), events
+    return _entered(params, replace(state, operation=operation)), events
 
 
-def _entered(state: State) -> State:
+def _entered(params: Params, state: State) -> State:
     """What a change of mode resets: outside generating nothing may fire that was planned before."""
     fuelling = state.fuelling
-    if state.mode is Mode.GENERATING:
-        return replace(state, fuelling=fuelling.restarted())
-    beyond_kg = fuelling.beyond_kg if state.mode is Mode.MOTORING else 0.0
+    if state.mode is GENERATING:
+        return replace(state, fuelling=fuelling.restarted(params.law_of(fuelling.law_name)))
+    beyond_kg = fuelling.beyond_kg if state.mode is MOTORING else 0.0
     fuelling = replace(fuelling, demand=NO_DEMAND, beyond_kg=beyond_kg)
     return replace(state, fuelling=fuelling, plan=NO_PLAN, pulses=())
 
@@ -101,7 +106,7 @@ def _report(
     params: Params, state: State, motion: Motion, set_points: SetPoints
 ) -> StrokeReport | None:
     """The stroke that has ended, if it was one to end in a combustion."""
-    if not _fires(params, motion.stroke - 1):
+    if not params.timings.fire(motion.stroke - 1):
         return None
     return StrokeReport(
         motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
@@ -120,19 +125,20 @@ def _fuel(
     if seen.passed.dead_centre:
         fuelling, plan = _burnt(state, seen.motion), NO_PLAN
     due = seen.passed.mid_stroke and _is_to_fire(params, state, seen.motion, set_points)
-    watches = LAWS[fuelling.law_name].watch is not None and _may_watch(params, state, seen)
+    law = params.law_of(fuelling.law_name)
+    watches = law.watches and _may_watch(params, state, seen)
     if not (due or watches):
         return fuelling, plan, set_points.load_n_s_m
     view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w)
     if due:
         fuelling = _asked(params, state, fuelling, view, set_points.throttle)
         plan = plan_injection(
-            params.config, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
+            params.timings, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
             fuelling.demand.fuel_kg,
         )  # fmt: skip
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
-    return _trimmed(params, fuelling, plan, view, set_points.throttle)
+    return _trimmed(params, law, fuelling, plan, view, set_points.throttle)
 
 
 def _burnt(state: State, motion: Motion) -> Fuelling:
@@ -142,7 +148,7 @@ def _burnt(state: State, motion: Motion) -> Fuelling:
     """
     fuel_kg = state.plan.fuel_kg
     apart_ns = motion.dc_t_ns - state.motion.dc_t_ns
-    if fuel_kg == 0.0 and apart_ns < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
+    if fuel_kg == 0.0 and float(apart_ns) < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
         return state.fuelling.demanding(NO_DEMAND)
     return state.fuelling.after_dead_centre(motion.side, fuel_kg)
 
@@ -150,78 +156,74 @@ def _burnt(state: State, motion: Motion) -> Fuelling:
 def _may_watch(params: Params, state: State, seen: Observation) -> bool:
     """A law watches the ticks in which it would also be asked for fuel, and a sample came."""
     operation = state.operation
-    generating = operation.mode is Mode.GENERATING and not seen.stale
-    return generating and operation.fired_strokes >= params.config.start.open_strokes
-
-
-def _fires(params: Params, stroke: int) -> bool:
-    """Whether that stroke ends in a combustion; a four-stroke engine's gas exchange has no TDC."""
-    fires = params.config.timing.fires
-    return fires[stroke % len(fires)]
+    generating = operation.mode is GENERATING and seen.stale == 0
+    return generating and operation.fired_strokes >= params.start.open_strokes
 
 
 def _is_to_fire(params: Params, state: State, motion: Motion, set_points: SetPoints) -> bool:
     """Fire while generating, and while motoring once the amplitude allows ignition."""
-    if not _fires(params, motion.stroke):
+    if not params.timings.fire(motion.stroke):
         return False
     mode = state.operation.mode
-    if mode is Mode.GENERATING:
+    if mode is GENERATING:
         return True
-    ignition_m = params.config.start.ignition_ratio * set_points.tdc_ref_m
-    return mode is Mode.MOTORING and motion.tdc_m >= ignition_m
+    ignition_m = params.start.ignition_ratio * set_points.tdc_ref_m
+    return mode is MOTORING and motion.tdc_m >= ignition_m
 
 
 def _asked(
     params: Params, state: State, fuelling: Fuelling, view: View, throttle: float
 ) -> Fuelling:
     """The fuel for the dead centre ahead; after a restart that of the strokes before it."""
-    config, operation = params.config, state.operation
-    if operation.mode is Mode.MOTORING or operation.fired_strokes < config.start.open_strokes:
+    operation = state.operation
+    if operation.mode is MOTORING or operation.fired_strokes < params.start.open_strokes:
         fuelling = fuelling.asked_open(view)
     else:
-        fuelling = fuelling.asked(config, view)
-    return fuelling.demanding(safety.limit_fuel(config.limits, throttle, fuelling.demand))
+        fuelling = fuelling.asked(params.law_of(fuelling.law_name), view)
+    return fuelling.demanding(safety.limit_fuel(params.limits, throttle, fuelling.demand))
 
 
 def _trimmed(
-    params: Params, fuelling: Fuelling, plan: Plan, view: View, throttle: float
+    params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, throttle: float
 ) -> tuple[Fuelling, Plan, float]:
     """Let the law watch the tick, and retime the injection that is still to be trimmed."""
-    config, motion = params.config, view.motion
-    fuelling, trim = fuelling.watched(config, view, plan.fuel_kg)
+    motion = view.motion
+    fuelling, trim = fuelling.watched(law, view, plan.fuel_kg)
     if trim.fuel_kg is not None and plan.fuel_kg > 0.0:
-        wanted = replace(fuelling.demand, fuel_kg=trim.fuel_kg)
-        fuelling = fuelling.demanding(safety.limit_fuel(config.limits, throttle, wanted))
+        wanted = fuelling.demand.of(trim.fuel_kg)
+        fuelling = fuelling.demanding(safety.limit_fuel(params.limits, throttle, wanted))
     if plan.injection is not None and plan.injection.close_ns > motion.t_ns:
         ahead_s = seconds_ahead(
             view.believed, motion, view.load_n_s_m, view.burnt_kg, params.period_ns
         )
         plan = retime_injection(
-            config, plan, motion.t_ns + round(ahead_s * 1e9), motion.t_ns, params.period_ns,
-            fuelling.demand.fuel_kg,
+            params.timings, plan, motion.t_ns + nearest(ahead_s * 1e9), motion.t_ns,
+            params.period_ns, fuelling.demand.fuel_kg,
         )  # fmt: skip
     return fuelling, plan, view.load_n_s_m if trim.load_n_s_m is None else trim.load_n_s_m
 
 
 def _with_spark(
     params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
-    fuelling: Fuelling, t_ns: int,
+    fuelling: Fuelling, t_ns: i64,
 ) -> Plan:  # fmt: skip
     """Level 4: the spark, by the best prediction that there is of this stroke."""
-    timings, period_ns = params.config.timing, params.period_ns
+    timings, period_ns, stroke_map = params.timings, params.period_ns, params.stroke_map
+    if not may_move(timings, plan, t_ns, period_ns):
+        return plan
     braked, charges = set_points.load_n_s_m, fuelling.burnt_kg
-    if mode is not Mode.GENERATING:
+    if mode is not GENERATING:
         braked, charges = 0.0, NO_CHARGES
-    if timings.spark_position_m is None:
-        ahead = ahead_by(params.stroke_map, motion, braked, charges, period_ns)
-    else:
-        ahead = position.ahead_of(
-            params.engine, motion, period_ns * 1e-9, braked, timings.spark_position_m,
+    if timings.spark_position_m is not None:
+        seconds = position.seconds_to_spark(
+            params.engine, motion, params.dt_s, braked, timings.spark_position_m,
             timings.spark_advance_s,
         )  # fmt: skip
-    return plan_spark(
-        params.config, plan, motion, t_ns, period_ns, set_points.point.stroke_s, ahead
-    )
+    elif stroke_map is not None and stroke_map.fits:
+        seconds = seconds_ahead(stroke_map, motion, braked, charges, period_ns)
+    else:
+        seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
+    return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
 
 
 def _machine(
@@ -229,9 +231,9 @@ def _machine(
 ) -> Machine:
     """The machine's order in this mode; motoring pushes in the direction of motion."""
     force = 0.0
-    if mode is Mode.MOTORING:
-        start = params.config.start
-        direction = motion.direction or 1
+    if mode is MOTORING:
+        start = params.start
+        direction = -1.0 if motion.direction < 0 else 1.0
         amplitude = start.amplitude_ratio * set_points.tdc_ref_m
         force = direction * start.force_n
         if not start.constant_force:

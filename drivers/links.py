@@ -8,10 +8,12 @@ from typing import Final, Literal, NamedTuple, Protocol
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.memory_link import MemoryLink, memory_pair
 from drivers.zenoh.channels import ZenohCommands, ZenohOperator, ZenohStatus
-from drivers.zenoh.link import ZenohLink, ZenohNode
+from drivers.zenoh.link import ZenohLink
+from drivers.zenoh.node import ZenohNode
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, HilError
 from hil.ports import CommandSource, Link, StatusSink
+from hil.wire.terms import Terms
 
 Side = Literal["plant", "controller"]
 
@@ -38,9 +40,16 @@ class Connection(NamedTuple):
     close: Callable[[], None]
 
 
-def _open_zenoh(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+def _node(side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | None) -> ZenohNode:
+    """Open a process's session."""
+    return ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep", terms=terms)
+
+
+def _open_zenoh(
+    side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | None
+) -> Connection:
     """Open a process's session with its link, command source and status sink on it."""
-    node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+    node = _node(side, config, loop, terms)
     link, commands, status = ZenohLink(node, loop.period_ns), ZenohCommands(node), ZenohStatus(node)
     node.announce()
 
@@ -51,11 +60,11 @@ def _open_zenoh(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     return Connection(link, commands, status, close)
 
 
-def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | None) -> Connection:
     """Open a process's end in shared memory, with commands and status on a Zenoh session."""
     from drivers.shm.link import ShmLink  # noqa: PLC0415 - an extra, loaded where it is used
 
-    node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+    node = _node(side, config, loop, terms)
     try:
         link = ShmLink(node, loop.period_ns)
     except HilError:
@@ -71,13 +80,13 @@ def _open_shm(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     return Connection(link, commands, status, close)
 
 
-def _open_can(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+def _open_can(side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | None) -> Connection:
     """Open a process's node on a CAN bus, with commands and status on a Zenoh session."""
     from drivers.can.link import CanLink, open_port  # noqa: PLC0415 - loaded where it is used
 
     port = open_port(side, config, lockstep=loop.clock == "lockstep")
     try:
-        node = ZenohNode(side, config.zenoh, lockstep=loop.clock == "lockstep")
+        node = _node(side, config, loop, terms)
     except HilError:
         port.close()
         raise
@@ -92,7 +101,8 @@ def _open_can(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
     return Connection(link, commands, status, close)
 
 
-OPENERS: Final[dict[str, Callable[[Side, LinkConfig, LoopConfig], Connection]]] = {
+Opener = Callable[[Side, LinkConfig, LoopConfig, Terms | None], Connection]
+OPENERS: Final[dict[str, Opener]] = {
     "zenoh": _open_zenoh,
     "shm": _open_shm,
     "can": _open_can,
@@ -100,16 +110,19 @@ OPENERS: Final[dict[str, Callable[[Side, LinkConfig, LoopConfig], Connection]]] 
 """A link between two processes is one row here; `memory` stays inside one, see `open_memory`."""
 
 
-def open_link(side: Side, config: LinkConfig, loop: LoopConfig) -> Connection:
+def open_link(
+    side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | None = None
+) -> Connection:
     """Open the link of one process.
 
+    Parameters: terms : what this side holds to; without them it agrees to anything
     Raises: ConfigError when the configuration refuses it, LinkError when it does not open
     """
     opener = OPENERS.get(config.kind)
     if opener is None:
         kinds = ", ".join(sorted(OPENERS))
         raise ConfigError(f"link.kind = {config.kind!r} between two processes: accepted {kinds}")
-    return opener(side, config, loop)
+    return opener(side, config, loop, terms)
 
 
 def open_memory() -> tuple[Connection, Connection]:
@@ -128,4 +141,5 @@ def open_operator(config: LinkConfig, loop: LoopConfig, name: str) -> ZenohOpera
 
     Raises: ConfigError, LinkError as `open_link`
     """
-    return ZenohOperator(ZenohNode("bench", config.zenoh, lockstep=loop.clock == "lockstep"), name)
+    node = ZenohNode("bench", config.zenoh, lockstep=loop.clock == "lockstep")
+    return ZenohOperator(node, name)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from hil.errors import LinkError
 
 
-def _nothing() -> None:
+def nothing() -> None:
     """Stand in for a peer's turn where none is set."""
 
 
@@ -26,7 +26,7 @@ class MemoryLink:
         self.peer = self
         self.closed = False
         self._sent = self._taken = self._dropped = 0
-        self.on_send: Callable[[], None] = _nothing
+        self.on_send: Callable[[], None] = nothing
 
     def send(self, batch: bytes, /) -> None:
         """Put a batch into the peer's hands and let it have its turn.

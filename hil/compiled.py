@@ -10,6 +10,7 @@ HIL_COMPILED : a directory to look in instead of ~/.cache/fpeg-hil/compiled; `of
 
 from __future__ import annotations
 
+import ast
 import importlib.machinery
 import importlib.util
 import os
@@ -25,8 +26,9 @@ GROUP: Final = "fpeg_hil"
 """mypyc puts the code of all modules into one library, `<group>__mypyc`."""
 
 PATTERNS: Final = (
-    "hil/wire/codec.py", "hil/wire/packing.py", "hil/wire/e2e.py", "hil/wire/pulses.py",
-    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
+    "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
+    "hil/wire/e2e.py", "hil/wire/pulses.py",
+    "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py", "hil/rounding.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/polling.py",
@@ -103,3 +105,11 @@ def is_compiled(module: str) -> bool:
     """Whether a loaded module is a compiled one."""
     spec = getattr(sys.modules.get(module), "__spec__", None)
     return spec is not None and str(spec.origin).endswith(_SUFFIX)
+
+
+def class_source(kind: type) -> ast.ClassDef:
+    """Return a class of ours as its source has it: compiled it has lost its hints and docstring."""
+    source = root() / f"{kind.__module__.replace('.', '/')}.py"
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    return found

@@ -17,6 +17,8 @@ from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
+from mypy_extensions import i64
+
 from hil import compiled
 from hil.errors import LogError
 from hil.values import Value, fields_of
@@ -77,7 +79,7 @@ def _form(hint: Hashable) -> _Form:
 
 def _plain(hint: Hashable) -> _Form | None:
     """A hint that needs no look inside: a number, a text, bytes, an IntEnum, or anything."""
-    if hint in _SCALARS:
+    if hint in _SCALARS or hint is i64:
         return _AS_IS
     if hint is bytes:
         return _Form(bytes.hex, bytes.fromhex)
@@ -98,10 +100,7 @@ def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
     """The type of each field; compiled classes have lost theirs, which are read from the source."""
     if not compiled.is_compiled(kind.__module__):
         return get_type_hints(kind.__init__ if issubclass(kind, Value) else kind)
-    scope = vars(sys.modules[kind.__module__])
-    source = compiled.root() / f"{kind.__module__.replace('.', '/')}.py"
-    tree = ast.parse(source.read_text(encoding="utf-8"))
-    (found,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
+    scope, found = vars(sys.modules[kind.__module__]), compiled.class_source(kind)
     return {name: eval(ast.unparse(annotation), scope) for name, annotation in _annotations(found)}
 
 

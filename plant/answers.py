@@ -86,7 +86,9 @@ class Answers:
         self._silent_turns = 0
         self._throttle = 1.0
         # Commands repeat for many ticks: what they come to is worked out when they change.
-        self._said: tuple[MachineCommand | None, list[Pulse], int] = (None, [], -1)
+        self._mode = -1
+        self._machine: MachineCommand | None = None
+        self._pulses: list[Pulse] = []
         self._command = AS_BEFORE
 
     def understand(self, arrived: list[bytes], tick: int) -> Answer:
@@ -105,9 +107,9 @@ class Answers:
         self._answered_before = True
         self.answered += 1
         self.used_tick = head.tick
-        said = (machine, pulses, head.mode)
-        if said != self._said:
-            self._said, self._command = said, _commanded(machine, pulses, head.mode)
+        if not self._is_repeated(head.mode, machine, pulses):
+            self._mode, self._machine, self._pulses = head.mode, machine, pulses
+            self._command = _commanded(machine, pulses, head.mode)
             if machine is not None:
                 self._throttle = machine.throttle
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
@@ -122,6 +124,16 @@ class Answers:
             return head, machine, pulses
         self.stale += 1
         return None, None, []
+
+    def _is_repeated(self, mode: int, machine: MachineCommand | None, pulses: list[Pulse]) -> bool:
+        """Whether an answer says what the last one did; a repeated frame is the same message."""
+        if mode != self._mode or machine is not self._machine or len(pulses) != len(self._pulses):
+            return False
+        for index, pulse in enumerate(pulses):
+            said = self._pulses[index]
+            if pulse is not said and not _is_same(pulse, said):
+                return False
+        return True
 
     def _unanswered(self, tick: int) -> Answer:
         """Nothing came: not yet, while the controller is coming up, or no more."""
@@ -149,12 +161,21 @@ class Answers:
         self._throttle = memory.throttle
 
 
+def _is_same(one: Pulse, other: Pulse) -> bool:
+    """Whether two frames order the same pulse: two that take turns are decoded every time."""
+    return (
+        one.channel == other.channel
+        and one.open_us == other.open_us
+        and one.duration_us == other.duration_us
+    )
+
+
 def _read(
     messages: list[Message],
 ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
     """Sort what one batch held; of what came through more than once the last counts."""
     head, machine = None, None
-    pulses = []
+    pulses: list[Pulse] = []
     for message in messages:
         if type(message) is ControllerTick:
             head = message

@@ -10,6 +10,7 @@ from drivers.system.clock import SystemClock
 from drivers.system.effort import Effort
 from drivers.system.process import (
     Stop,
+    brake,
     guarded,
     last_words,
     note_granted,
@@ -21,10 +22,12 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
 from hil import snapshot
 from hil.config.resolved import Resolved
+from hil.config.terms import terms_of
+from hil.ports import Recorder
 from hil.values import NEVER
 from plant.build import make_loop, make_pacer
 from plant.loop import PlantLoop
-from plant.status import describe, facts, raise_if_lost
+from plant.status import describe, facts, is_safe, raise_if_lost
 
 
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
@@ -35,9 +38,10 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop = Stop()
     stop.listen()
     recorder = open_recorder(log, scenario, "plant")
+    recorder.watch(scenario.log.recorder_lost, stop.end)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = open_link("plant", scenario.link, scenario.loop)
+    connection = open_link("plant", scenario.link, scenario.loop, terms_of(scenario))
     try:
         clock = SystemClock(scenario.realtime.spin_s, scenario.loop.period_ns)
         reporting = noting(recorder, connection.link)
@@ -50,12 +54,16 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         snapshot.dumps(loop.remember())  # the first one works out how, which takes milliseconds
         effort = Effort(recorder)
         tick = turn_until(loop, ticks, stop, heart)
-        last_words({**facts(loop, connection, tick), "granted": granted, **effort.told()})
+        if stop.cause:
+            tick = to_safe_state(loop, recorder, tick, stop)
+        told = {**facts(loop, connection, tick), **stop.facts()}
+        last_words({**told, "granted": granted, **effort.told()})
     finally:
         if service is not None and stop.requested:
             service.ends()
         connection.close()
         recorder.close()
+    stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
     return 0
@@ -83,6 +91,18 @@ def turn_until(loop: PlantLoop, ticks: int, stop: Stop, heart: Heart) -> int:
         tick = loop.turn(tick)
         if tick >= heart.next_tick:
             heart.beat(tick, loop.answered > 0, lambda: describe(loop))
+    return tick
+
+
+def to_safe_state(loop: PlantLoop, recorder: Recorder, tick: int, stop: Stop) -> int:
+    """Go on for as long as the controller brakes and then is missed; returns the tick reached."""
+
+    def turn() -> bool:
+        nonlocal tick
+        tick = loop.turn(tick)
+        return is_safe(loop)
+
+    brake(stop, recorder, tick, tick * loop.params.period_ns, turn)
     return tick
 
 

@@ -6,13 +6,19 @@ from typing import Any
 
 from hil.errors import RunError
 from hil.ports import Ports
+from hil.wire.latch import RELEASED
 from plant.loop import PlantLoop
+
+
+def is_safe(loop: PlantLoop) -> bool:
+    """Whether the plant is in its safe state."""
+    return loop.state.latch != RELEASED
 
 
 def describe(loop: PlantLoop) -> str:
     """How the plant is, in one line."""
     state = loop.state
-    how = "safe state" if state.latch else "controlled"
+    how = "safe state" if is_safe(loop) else "controlled"
     return f"{how}, tick {state.tick}, TDC {abs(state.dead_centre.x_m) * 1e3:.2f} mm"
 
 

@@ -10,9 +10,9 @@ import typer
 
 from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
+from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Assignments
-from bench.interrupt import EXIT_CODE, is_interrupt, told
 from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
@@ -178,39 +178,7 @@ fmu.register(app)
 
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
-    try:
-        code = app(standalone_mode=False)
-        if code == EXIT_CODE:  # what the library that reads arguments makes of it, and says nothing
-            raise KeyboardInterrupt
-        sys.exit(code)
-    except (KeyboardInterrupt, typer.Abort):
-        sys.exit(told())
-    except OSError as error:
-        print(f"{error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(2)
-    except Exception as error:
-        if is_interrupt(error):
-            sys.exit(told())
-        line, code = _told(error)
-        if not line:
-            raise
-        print(line, file=sys.stderr)
-        sys.exit(code)
-
-
-def _told(error: Exception) -> tuple[str, int]:
-    """What a failure is in one line, and its exit code; an empty line when it is none of ours."""
-    from hil.errors import HilError
-
-    if isinstance(error, HilError):
-        return str(error), error.exit_code
-    context, message = getattr(error, "ctx", None), getattr(error, "format_message", None)
-    if message is None:
-        return "", 1
-    if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
-        return str(context.get_help()), 2
-    where = f" ({context.command_path} --help tells more)" if context is not None else ""
-    return " ".join(message().replace("Value error, ", "").split()) + where, 2  # of the parser
+    sys.exit(run_to_end(lambda: app(standalone_mode=False)))
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def _zenoh(scenario: Resolved, side: Side) -> Iterator[tuple[Send, Take]]:
     import zenoh
 
     from drivers.zenoh.config import session_config
-    from drivers.zenoh.link import PEER
+    from drivers.zenoh.node import PEER
 
     there, back = side, PEER[side]
     tree = session_config(side, scenario.link.zenoh, lockstep=False)
@@ -89,7 +89,7 @@ def _shm(scenario: Resolved, side: Side) -> Iterator[tuple[Send, Take]]:
     import iceoryx2 as iox
 
     from drivers.shm.link import open_node
-    from drivers.zenoh.link import PEER
+    from drivers.zenoh.node import PEER
 
     node = open_node()
     there, back = side, PEER[side]

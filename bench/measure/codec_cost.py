@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from hil import compiled
 from hil.errors import MissingExtraError
+from hil.values import fields_of
 from hil.wire.codec import Decoder, Encoder, iter_frames
 from hil.wire.messages import (
     PULSE_CLOCK_US,
@@ -132,8 +133,9 @@ def cantools_cost() -> Cost:
 
 def _fields(message: Message) -> dict[str, float]:
     """Return a message as cantools wants it; what is not a number is not on the wire."""
-    values = {k: v for k, v in message._asdict().items() if not math.isnan(v)}
-    return {"e2e_crc": 0, "e2e_counter": 0, **values}
+    values = {name: getattr(message, name) for name in fields_of(type(message))}
+    carried = {name: value for name, value in values.items() if not math.isnan(value)}
+    return {"e2e_crc": 0, "e2e_counter": 0, **carried}
 
 
 def frames_of_tick() -> int:

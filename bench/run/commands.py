@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from bench import streams
 from bench.bus import can_log, commands
 from bench.judge import summary
 from bench.judge.figures import RunData, read_run
@@ -18,6 +20,7 @@ from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
 from bench.run.directory import RunFiles
 from bench.run.execution import Ended, execute, resolved
+from bench.run.mending import mend
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
 from hil.config.load import parse_assignment, read_scenario
@@ -69,22 +72,37 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     console = Console(highlight=False)
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
-        with view_for(scenario, console) as view:
+        streams.outlive()
+        with _told_of(files), view_for(scenario, console) as view:
             ended = execute(scenario, files, view)
     if isinstance(ended.error, ConfigError):
         raise ended.error
-    told = _conclude(scenario, ended, files, report=options.report)
+    with _told_of(files):
+        told = _conclude(scenario, ended, files, report=options.report)
     if options.can_log is not None and files.plant_log.exists():
         commands.write_can_log(options.can_log, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
         raise ended.error
     if told["verdict"] == "fault":
-        print(told["exit_reason"], file=sys.stderr)
+        streams.say(told["exit_reason"])
     else:
         conclusion.show(console, told, files.report if options.report else None, files.directory)
         if "bus" in told["run"]:
             console.print(commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
     return int(told["exit_code"])
+
+
+@contextmanager
+def _told_of(files: RunFiles) -> Iterator[None]:
+    """A file that cannot be written once the run has begun is no mistake of the user's.
+
+    Raises: RunError
+    """
+    try:
+        yield
+    except OSError as error:
+        where = error.filename or files.directory
+        raise RunError(f"{where}: {error.strerror or error}; logs: {files.directory}") from None
 
 
 def _conclude(
@@ -99,6 +117,8 @@ def _conclude(
     }
     if ended.error is not None:
         facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
+    for log in (files.plant_log, files.controller_log):
+        mend(log)
     try:
         data = read_run(scenario, files)
     except LogError as error:

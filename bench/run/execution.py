@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import shutil
+import resource
 import signal
-import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import uvloop
@@ -20,13 +18,14 @@ from bench.run.failure import error_of
 from bench.run.processes import Child, supervise
 from bench.run.progress import View
 from bench.run.resolve import resolve
+from bench.run.sockets import socket_directory
 from drivers.recorder.client import wait_finished
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
-from hil.errors import ConfigError, HilError
+from hil.errors import HilError, RunError
 
 _LOG_TIMEOUT_S = 30.0
-_MAX_SOCKET_PATH = 107  # sun_path of a unix socket, without its closing zero
+_HANDLES = 40
 
 
 class Ended(NamedTuple):
@@ -45,34 +44,35 @@ def resolved(scenario: Scenario) -> Iterator[Resolved]:
 
     Raises: ConfigError when it cannot be run as it is
     """
-    with _socket_directory() as sockets:
+    with socket_directory() as sockets:
         yield resolve(scenario, sockets)
 
 
 def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Run a scenario and tell how its processes ended."""
+    _check_handles()
     files.scenario.write_text(scenario.model_dump_json(indent=1), encoding="utf-8")
-    return uvloop.run(_run(scenario, files, view))
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.get_loop()  # where it cannot be made, nothing has begun
+        return runner.run(_run(scenario, files, view))
 
 
-@contextlib.contextmanager
-def _socket_directory() -> Iterator[Path]:
-    """Yield a private directory whose sockets have paths that the kernel accepts."""
-    directory = Path(tempfile.mkdtemp(prefix="hil-"))
-    try:
-        if len(str(directory / "controller.sock")) > _MAX_SOCKET_PATH:
-            raise ConfigError(f"TMPDIR {tempfile.gettempdir()}: too long for a unix socket")
-        yield directory
-    finally:
-        shutil.rmtree(directory, ignore_errors=True)
+def _check_handles() -> None:
+    """Raise RunError when there are too few file handles to begin with."""
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed < _HANDLES <= most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    elif allowed < _HANDLES:
+        raise RunError(f"{allowed} file handles are allowed, a run needs {_HANDLES}: ulimit -n")
 
 
 async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Start the processes, watch them to their end, and wait for their logs."""
     interrupt = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, interrupt.set)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
+            loop.add_signal_handler(number, interrupt.set)
     started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     start_s = time.monotonic()
     async with watch_status(scenario, view.update):

@@ -10,6 +10,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from drivers.system import starter
+
 SAFE_GRACE_S = 1.0
 """What the survivor of a lost peer is given to reach its safe state and to log it."""
 
@@ -50,6 +52,7 @@ class Child:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             start_new_session=True,
+            env=starter.environment(),
         )
         child = cls(name, process)
         reading = (child._read_status(on_status), child._read_errors())
@@ -60,6 +63,11 @@ class Child:
     def exit_code(self) -> int | None:
         """None while it runs, negative for the signal that killed it."""
         return self._process.returncode
+
+    @property
+    def cause(self) -> str:
+        """What befell it, and ended it; empty when nothing did."""
+        return str(self.result.get("cause", ""))
 
     @property
     def errors(self) -> str:
@@ -132,7 +140,7 @@ async def _watch(children: Sequence[Child], stop: asyncio.Task[Any]) -> End:
     rest = asyncio.gather(*waiting)
     await asyncio.wait([rest, stop], timeout=grace_s, return_when=asyncio.FIRST_COMPLETED)
     if culprit is not None:
-        return End(culprit=culprit)
+        return End(culprit=_failed(children))
     if stop.done():
         return End(interrupted=True)
     late = next((child for child in children if child.exit_code is None), None)
@@ -140,6 +148,6 @@ async def _watch(children: Sequence[Child], stop: asyncio.Task[Any]) -> End:
 
 
 def _failed(children: Sequence[Child]) -> Child | None:
-    """Return the one that failed; a kill from outside comes before what followed from it."""
+    """Return the one that failed; a kill, or what befell a process, comes before what followed."""
     failed = [child for child in children if child.exit_code]
-    return min(failed, key=lambda child: child.exit_code or 0, default=None)
+    return min(failed, key=lambda child: (child.exit_code or 0, not child.cause), default=None)

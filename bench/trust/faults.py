@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from bench.trust.rig import Rig
+from hil.values import replace
 from hil.wire.messages import (
     GENERATOR,
     INJECTOR_LEFT,
@@ -151,7 +152,7 @@ def _machine(mode: int | None, force: float, load: float) -> Callable[[Message],
     def change(message: Message) -> Message | None:
         if not isinstance(message, MachineCommand):
             return message
-        return message._replace(
+        return replace(message,
             mode=message.mode if mode is None else mode, force_n=message.force_n * force,
             load_coefficient_n_s_m=message.load_coefficient_n_s_m * load,
         )  # fmt: skip
@@ -163,7 +164,7 @@ def _open_for(share: float, *channels: int) -> Callable[[Message], Message | Non
     def change(message: Message) -> Message | None:
         if not isinstance(message, Pulse) or message.channel not in channels:
             return message
-        return message._replace(duration_us=max(round(message.duration_us * share), 1))
+        return replace(message, duration_us=max(round(float(message.duration_us) * share), 1))
 
     return change
 
@@ -172,7 +173,7 @@ def _late(by_us: int, *channels: int) -> Callable[[Message], Message | None]:
     def change(message: Message) -> Message | None:
         if not isinstance(message, Pulse) or message.channel not in channels:
             return message
-        return message._replace(open_us=(message.open_us + by_us) % (1 << 20))
+        return replace(message, open_us=(message.open_us + by_us) % (1 << 20))
 
     return change
 
@@ -216,7 +217,7 @@ def apply_sensor(rig: Rig, fault: SensorFault, held: Sample) -> None:
 
 
 def _lying(sample: PistonSample, x_m: float, v_m_s: float) -> PistonSample:
-    return sample._replace(x_m=min(max(x_m, -0.08), 0.08), v_m_s=min(max(v_m_s, -8.0), 8.0))
+    return replace(sample, x_m=min(max(x_m, -0.08), 0.08), v_m_s=min(max(v_m_s, -8.0), 8.0))
 
 
 def apply_actuator(rig: Rig, fault: ActuatorFault) -> None:
@@ -225,7 +226,7 @@ def apply_actuator(rig: Rig, fault: ActuatorFault) -> None:
     def tamper(_tick: int, messages: Sequence[Message]) -> Sequence[Message]:
         changed = [fault.change(m) for m in messages]
         kept = [m for m in changed if m is not None]
-        head = kept[0]._replace(frame_count=len(kept))  # type: ignore[call-arg]
+        head = replace(kept[0], frame_count=len(kept))
         return [head, *kept[1:]]
 
     rig.controller_link.tamper = tamper

@@ -24,7 +24,8 @@ def has_misfired(
     v = v_mid sin(pi t / T), scaled by the dead centre from which the piston started.
     """
     if stroke_map is not None and stroke_map.fits:
-        fired, unfired = speeds(stroke_map, motion, set_points.load_n_s_m, burnt_kg[motion.side])
+        charge_kg = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
+        fired, unfired = speeds(stroke_map, motion, set_points.load_n_s_m, charge_kg)
         return motion.speed_m_s < 0.5 * (fired + unfired)
     scale = motion.tdc_m / set_points.tdc_ref_m
     expected = set_points.point.v_mid_m_s * scale * math.sqrt(0.5)  # sin(pi / 4)

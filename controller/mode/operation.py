@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, final
 
-from controller.mode.start_restart import Facts, Mode, next_mode
+from mypy_extensions import i64
+
+from controller.mode.start_restart import GENERATING, MOTORING, Facts, Mode, next_mode
 from controller.observe.estimate import Observation
 from hil.values import Value, replace
 
@@ -26,8 +28,8 @@ class Bounds(Value):
     __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns", "unheard_ns")
 
     def __init__(
-        self, limit_m: float, stale_ticks: int, misfires: int, motoring_ns: int,
-        unheard_ns: int = 10_000_000,
+        self, limit_m: float, stale_ticks: i64, misfires: i64, motoring_ns: i64,
+        unheard_ns: i64 = 10_000_000,
     ) -> None:  # fmt: skip
         self.limit_m = limit_m
         self.stale_ticks = stale_ticks
@@ -51,8 +53,8 @@ class Operation(Value):
     __slots__ = ("mode", "since_t_ns", "fired_t_ns", "fired_strokes", "misfires")
 
     def __init__(
-        self, mode: Mode, since_t_ns: int = 0, fired_t_ns: int = -1, fired_strokes: int = 0,
-        misfires: int = 0,
+        self, mode: Mode, since_t_ns: i64 = 0, fired_t_ns: i64 = -1, fired_strokes: i64 = 0,
+        misfires: i64 = 0,
     ) -> None:  # fmt: skip
         self.mode = mode
         self.since_t_ns = since_t_ns
@@ -60,11 +62,11 @@ class Operation(Value):
         self.fired_strokes = fired_strokes
         self.misfires = misfires
 
-    def entered(self, mode: Mode, t_ns: int) -> Operation:
+    def entered(self, mode: Mode, t_ns: i64) -> Operation:
         """The operation in another mode: one combustion begins it, or none is judged any more."""
-        if mode is Mode.GENERATING:
+        if mode is GENERATING:
             return replace(self, mode=mode, since_t_ns=t_ns, fired_strokes=1)
-        if mode is Mode.MOTORING:
+        if mode is MOTORING:
             return replace(self, mode=mode, since_t_ns=t_ns)
         return replace(self, mode=mode, since_t_ns=t_ns, fired_t_ns=-1, misfires=0)
 
@@ -72,7 +74,7 @@ class Operation(Value):
 def is_uneventful(bounds: Bounds, operation: Operation, seen: Observation, stroke_s: float) -> bool:
     """Whether no rule can apply: most ticks of a running engine, told by a few comparisons."""
     return (
-        operation.mode is Mode.GENERATING
+        operation.mode is GENERATING
         and seen.stale == 0
         and not seen.unheard
         and not seen.passed.dead_centre
@@ -128,4 +130,5 @@ def _facts(
 
 def _is_check_due(operation: Operation, seen: Observation, stroke_s: float) -> bool:
     """Whether enough of the stroke has passed to tell combustion from misfire."""
-    return seen.t_ns - operation.fired_t_ns >= MISFIRE_CHECK_FRACTION * (stroke_s * 1e9)
+    since_ns = float(seen.t_ns - operation.fired_t_ns)
+    return since_ns >= MISFIRE_CHECK_FRACTION * (stroke_s * 1e9)

@@ -7,12 +7,18 @@ MOTORING after a misfire (thesis section 6.1.3, level 1). SAFE is left only by a
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import final
+from typing import Final, final
 
 from hil.values import Value
 from hil.wire.messages import OperatingMode
 
 Mode = OperatingMode
+OFF: Final = Mode.OFF
+MOTORING: Final = Mode.MOTORING
+GENERATING: Final = Mode.GENERATING
+STOPPING: Final = Mode.STOPPING
+SAFE: Final = Mode.SAFE
+"""Names of their own, since every look into an enumeration costs as much as a value does."""
 
 
 @final
@@ -57,22 +63,22 @@ class Rule(Value):
         self.target = target
 
 
-_ACTIVE = frozenset({Mode.MOTORING, Mode.GENERATING})
-_MOVING = _ACTIVE | {Mode.STOPPING}
+_ACTIVE = frozenset({MOTORING, GENERATING})
+_MOVING = _ACTIVE | {STOPPING}
 
 RULES: tuple[Rule, ...] = (
-    Rule("sample lost", _MOVING, lambda f: f.sample_stale, Mode.SAFE),
-    Rule("plant does not hear", _MOVING, lambda f: f.unheard, Mode.SAFE),
-    Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, Mode.SAFE),
-    Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, Mode.SAFE),
-    Rule("motoring did not reach the amplitude", frozenset({Mode.MOTORING}),
-         lambda f: f.motoring_too_long, Mode.SAFE),
-    Rule("stop requested", _ACTIVE, lambda f: f.stop_requested, Mode.STOPPING),
-    Rule("piston at rest", frozenset({Mode.STOPPING}), lambda f: f.at_rest, Mode.OFF),
-    Rule("start requested", frozenset({Mode.OFF, Mode.SAFE, Mode.STOPPING}),
-         lambda f: f.start_requested and not f.sample_stale, Mode.MOTORING),
-    Rule("first combustion", frozenset({Mode.MOTORING}), lambda f: f.fired, Mode.GENERATING),
-    Rule("misfire", frozenset({Mode.GENERATING}), lambda f: f.misfired, Mode.MOTORING),
+    Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE),
+    Rule("plant does not hear", _MOVING, lambda f: f.unheard, SAFE),
+    Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, SAFE),
+    Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, SAFE),
+    Rule("motoring did not reach the amplitude", frozenset({MOTORING}),
+         lambda f: f.motoring_too_long, SAFE),
+    Rule("stop requested", _ACTIVE, lambda f: f.stop_requested, STOPPING),
+    Rule("piston at rest", frozenset({STOPPING}), lambda f: f.at_rest, OFF),
+    Rule("start requested", frozenset({OFF, SAFE, STOPPING}),
+         lambda f: f.start_requested and not f.sample_stale, MOTORING),
+    Rule("first combustion", frozenset({MOTORING}), lambda f: f.fired, GENERATING),
+    Rule("misfire", frozenset({GENERATING}), lambda f: f.misfired, MOTORING),
 )  # fmt: skip
 
 

@@ -10,12 +10,29 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from controller.motion.law import View
 from controller.motion.stroke_map import StrokeMap
 from hil.config.controller import LearningConfig
 from hil.values import Value, replace
 
 _STEP: Final = 0.01
+
+
+@final
+class Learning:
+    """Section `learning` of the configuration, read once for all ticks."""
+
+    def __init__(self, config: LearningConfig) -> None:
+        self.gain = config.gain
+        self.inertia_gain = config.inertia_gain
+        self.most = config.most
+        self.load_change = config.load_change
+        self.share_min = config.share_min
+        self.share_max = config.share_max
+        self.near_m = config.near_m
+        self.offset_m = config.offset_m
 
 
 @final
@@ -37,9 +54,13 @@ class Charge(Value):
         self.mass_kg = mass_kg
         self.ahead_m = ahead_m
 
-    def effective_kg(self, view: View, side: int) -> float:
+    def effective_kg(self, view: View, side: i64) -> float:
         """Effective fuel of the last combustion at a head [kg]."""
-        return self.share[side] * view.burnt_kg[side]
+        return self.share_of(side) * view.burnt_at(side)
+
+    def share_of(self, side: i64) -> float:
+        """The share at a head."""
+        return self.share[0] if side == 0 else self.share[1]
 
     def map_of(self, view: View) -> StrokeMap:
         """The stroke's map with the inertia learnt."""
@@ -62,7 +83,7 @@ class Forecast(Value):
 
     def __init__(
         self, end_m: float = 0.0, slope_m_kg: float = 0.0, load_n_s_m: float = 0.0,
-        begun_ns: int = -1, duration_s: float = 0.0,
+        begun_ns: i64 = -1, duration_s: float = 0.0,
     ) -> None:  # fmt: skip
         self.end_m = end_m
         self.slope_m_kg = slope_m_kg
@@ -80,37 +101,35 @@ def first_fuel(charge: Charge, view: View) -> float:
     That of the steady state; while the shares are still to be aligned, that burnt there last.
     """
     side = view.motion.side_ahead
-    burnt = view.burnt_kg[side]
+    burnt = view.burnt_at(side)
     if not charge.known and burnt > 0.0:
         return view.limited_kg(burnt)
-    return view.limited_kg(view.point.fuel_kg / charge.share[side])
+    return view.limited_kg(view.point.fuel_kg / charge.share_of(side))
 
 
-def foresee(stroke_map: StrokeMap, q: float, c: float, start_m: float, begun_ns: int) -> Forecast:
+def foresee(stroke_map: StrokeMap, q: float, c: float, start_m: float, begun_ns: i64) -> Forecast:
     """Forecast of a stroke that begins at the distance `start_m`."""
     end, duration_s = stroke_map.travel(q, c, -start_m, 0.0, 0.0)
     more = stroke_map.end_of(q * (1.0 + _STEP), c, start_m)
     return Forecast(end, (more - end) / (q * _STEP), c, begun_ns, duration_s)
 
 
-def learn(
-    config: LearningConfig, charge: Charge, view: View, forecast: Forecast, c: float
-) -> Charge:
+def learn(config: Learning, charge: Charge, view: View, forecast: Forecast, c: float) -> Charge:
     """Move the share of the side that fired towards what explains the dead centre.
 
     share += gain (X - X_foreseen) / (dX/dq m_fuel), m *= (T / T_foreseen)^(2 gain); a stroke within
     which the load has changed teaches nothing, nor does one without a charge.
     """
     motion, side = view.motion, 1 - view.motion.side
-    fuel_kg = view.burnt_kg[side]
+    fuel_kg = view.burnt_at(side)
     usable = forecast.slope_m_kg > 0.0 and fuel_kg > 0.0
     if not usable or abs(c - forecast.load_n_s_m) > config.load_change * c:
         return charge
     wrong = (motion.tdc_m - forecast.end_m) / (forecast.slope_m_kg * fuel_kg)
-    moved = charge.share[side] + config.gain * _within(wrong, config.most)
+    moved = charge.share_of(side) + config.gain * _within(wrong, config.most)
     moved = min(max(moved, config.share_min), config.share_max)
     share = (moved, charge.share[1]) if side == 0 else (charge.share[0], moved)
-    longer = (motion.dc_t_ns - forecast.begun_ns) * 1e-9 / forecast.duration_s - 1.0
+    longer = float(motion.dc_t_ns - forecast.begun_ns) * 1e-9 / forecast.duration_s - 1.0
     believed = view.believed.m
     m = charge.mass_kg or believed
     m *= 1.0 + 2.0 * config.inertia_gain * _within(longer, config.most)
@@ -122,13 +141,13 @@ def _within(value: float, most: float) -> float:
     return min(max(value, -most), most)
 
 
-def look_back(config: LearningConfig, charge: Charge, wrong_m: float) -> Charge:
+def look_back(config: Learning, charge: Charge, wrong_m: float) -> Charge:
     """Take up the error of the dead centre that was predicted from mid-stroke."""
     ahead_m = _within(charge.ahead_m + config.gain * wrong_m, config.offset_m)
     return replace(charge, ahead_m=ahead_m)
 
 
-def align(config: LearningConfig, charge: Charge, view: View, c: float) -> Charge:
+def align(config: Learning, charge: Charge, view: View, c: float) -> Charge:
     """After a change of law: the shares with which the model asks for the fuel in force.
 
     Only an engine near its set point shows them; one that is not begins with what was believed.
@@ -140,15 +159,13 @@ def align(config: LearningConfig, charge: Charge, view: View, c: float) -> Charg
     return replace(charge, share=shares_of(config, q, burnt_kg), known=True)
 
 
-def is_near(config: LearningConfig, view: View) -> bool:
+def is_near(config: Learning, view: View) -> bool:
     """Whether the engine is so near its set point that the fuel in force is the one for it."""
     near = abs(view.motion.tdc_m - view.tdc_ref_m) < config.near_m
     return near and min(view.burnt_kg) > 0.0
 
 
-def shares_of(
-    config: LearningConfig, q: float, burnt_kg: tuple[float, float]
-) -> tuple[float, float]:
+def shares_of(config: Learning, q: float, burnt_kg: tuple[float, float]) -> tuple[float, float]:
     """The shares by which both sides' fuels have had the effect of q."""
     left, right = (min(max(q / m, config.share_min), config.share_max) for m in burnt_kg)
     return left, right

@@ -9,17 +9,17 @@ from controller.motion.charge import (
     NOTHING_FORESEEN,
     Charge,
     Forecast,
+    Learning,
     align,
     foresee,
     learn,
     look_back,
 )
 from controller.motion.law import View
-from hil.config.controller import LearningConfig
 
 
 def at_dead_centre(
-    config: LearningConfig, learnt: Charge, forecast: Forecast, view: View, c: float, end_m: float
+    config: Learning, learnt: Charge, forecast: Forecast, view: View, c: float, end_m: float
 ) -> tuple[Charge, Forecast]:
     """Learn from the stroke that has ended, and foresee the one that begins.
 
@@ -32,7 +32,7 @@ def at_dead_centre(
             learnt = look_back(config, learnt, motion.tdc_m - end_m - learnt.ahead_m)
     else:
         learnt = align(config, learnt, view, c)
-    if view.burnt_kg[motion.side] <= 0.0:
+    if view.burnt_at(motion.side) <= 0.0:
         return learnt, NOTHING_FORESEEN
     q = learnt.effective_kg(view, motion.side)
     return learnt, foresee(learnt.map_of(view), q, c, motion.tdc_m, motion.dc_t_ns)
@@ -47,7 +47,7 @@ def rest_of_stroke(view: View, learnt: Charge, c: float) -> tuple[float, float]:
 
 def fuel_after(view: View, learnt: Charge, c: float, end_m: float, planned_kg: float) -> float:
     """The fuel for the stroke from the predicted dead centre to the set point, in its limits."""
-    share = learnt.share[1 - view.motion.side]
+    share = learnt.share_of(1 - view.motion.side)
     start = end_m + learnt.ahead_m
     q = learnt.map_of(view).charge_for(c, start, view.tdc_ref_m, share * planned_kg)
     return view.limited_kg(q / share)

@@ -8,8 +8,9 @@ modulate the load. Laws without such a part are called once a stroke and cost no
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final, final
+from typing import ClassVar, Final, Generic, TypeVar, final
+
+from mypy_extensions import i64, mypyc_attr
 
 from controller.knowledge import OperatingPoint
 from controller.motion.stroke_map import StrokeMap
@@ -57,6 +58,10 @@ class View(Value):
         assert self.stroke_map is not None, "checked when the law was chosen"
         return self.stroke_map
 
+    def burnt_at(self, side: i64) -> float:
+        """Fuel commanded for the last combustion at a head [kg]."""
+        return self.burnt_kg[0] if side == 0 else self.burnt_kg[1]
+
     def limited_kg(self, fuel_kg: float) -> float:
         """The fuel within what may be asked for [kg]."""
         return min(max(fuel_kg, self.fuel_min_kg), self.fuel_max_kg)
@@ -81,6 +86,13 @@ class Demand(Value):
         self.inner_p_kg = inner_p_kg
         self.inner_i_kg = inner_i_kg
 
+    def of(self, fuel_kg: float) -> Demand:
+        """The same terms, another fuel."""
+        return Demand(
+            fuel_kg, self.v_ref_m_s, self.outer_p_m_s, self.outer_i_m_s, self.inner_p_kg,
+            self.inner_i_kg,
+        )  # fmt: skip
+
 
 NO_DEMAND: Final = Demand(0.0)
 
@@ -98,49 +110,47 @@ class Trim(Value):
 
 NO_TRIM: Final = Trim()
 
-Step = Callable[[ControllerConfig, Any, View], tuple[Any, Demand]]
-Watch = Callable[[ControllerConfig, Any, View, float], tuple[Any, Trim]]
-"""Its last argument is the fuel planned for the dead centre ahead, 0 before mid-stroke [kg]."""
+StateT = TypeVar("StateT")
 
 
-@final
-class Law(Value):
-    """A law is its initial state and its step; its state is an immutable value.
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Law(Generic[StateT]):
+    """A law for one configuration: what it begins with, and its step; its state is a value.
 
-    watch: the part that runs every tick while generating, None when there is none
-    parameters: keys of its configuration, below `controller.`, that shape it and may be tuned
-    take_over: the state with which the law goes on from another one while the engine runs
-    after_restart: what is kept of the state when the engine has been restarted; None: nothing
+    A law derives from this, and its state is immutable: all that it remembers is in there.
+
+    name: what chooses it; parameters: keys of its configuration, below `controller.`, that shape
+    it and may be tuned
     needs_map: whether it refuses to work without a stroke's map
     needs_fit: whether it refuses one that meets the steady state in part only
+    watches: whether it has a `watch`, which then runs in every tick while generating
     """
 
-    __slots__ = (
-        "name", "initial", "step", "watch", "parameters", "take_over", "after_restart",
-        "needs_map", "needs_fit",
-    )  # fmt: skip
+    name: ClassVar[str] = ""
+    parameters: ClassVar[tuple[str, ...]] = ()
+    needs_map: ClassVar[bool] = False
+    needs_fit: ClassVar[bool] = False
 
-    def __init__(
-        self, name: str, initial: Any, step: Step, watch: Watch | None = None,  # noqa: ANN401
-        parameters: tuple[str, ...] = (),
-        take_over: Callable[[ControllerConfig, View], Any] | None = None,
-        after_restart: Callable[[Any], Any] | None = None,
-        needs_map: bool = False, needs_fit: bool = False,
-    ) -> None:  # fmt: skip
-        self.name = name
-        self.initial = initial
-        self.step = step
-        self.watch = watch
-        self.parameters = parameters
-        self.take_over = take_over
-        self.after_restart = after_restart
-        self.needs_map = needs_map
-        self.needs_fit = needs_fit
+    def __init__(self, config: ControllerConfig) -> None:
+        self.config = config
+        self.watches: bool = type(self).watch is not Law.watch
 
-    def taken_over(self, config: ControllerConfig, view: View) -> Any:  # noqa: ANN401
-        """The state to go on with, the initial one where a law remembers nothing."""
-        return self.initial if self.take_over is None else self.take_over(config, view)
+    def initial(self) -> StateT:
+        """The state of a run's beginning."""
+        raise NotImplementedError
 
-    def restarted(self, state: Any) -> Any:  # noqa: ANN401
-        """The state after a restart of the engine."""
-        return self.initial if self.after_restart is None else self.after_restart(state)
+    def step(self, state: StateT, view: View) -> tuple[StateT, Demand]:
+        """The fuel for the combustion at the end of this stroke; called at mid-stroke."""
+        raise NotImplementedError
+
+    def watch(self, state: StateT, view: View, planned_kg: float) -> tuple[StateT, Trim]:
+        """Look at a tick; `planned_kg` for the dead centre ahead is 0 before mid-stroke [kg]."""
+        return state, NO_TRIM
+
+    def taken_over(self, view: View) -> StateT:
+        """The state with which it goes on from another law while the engine runs."""
+        return self.initial()
+
+    def restarted(self, state: StateT) -> StateT:
+        """What is kept of the state when the engine has been restarted; here nothing."""
+        return self.initial()

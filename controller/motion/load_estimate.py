@@ -11,7 +11,22 @@ from typing import Final, final
 from hil.config.controller import LoadEstimateConfig
 from hil.values import Value
 
-_WORST_SHARE = 9.0
+_WORST_SHARE: Final = 9.0
+
+
+@final
+class LoadEstimation:
+    """Section `load_estimate` of the configuration, read once for all ticks."""
+
+    def __init__(self, config: LoadEstimateConfig) -> None:
+        self.slowest_m_s = config.slowest_m_s
+        self.power_grid_w = config.power_grid_w
+        self.drift = config.drift
+        self.gate = config.gate
+        self.step_min = config.step_min
+        self.noise_floor_m_s = config.noise_floor_m_s
+        self.noise_gain = config.noise_gain
+        self.retrim = config.retrim
 
 
 @final
@@ -39,7 +54,7 @@ _UNSURE: Final = 1e-2
 
 
 def update(
-    config: LoadEstimateConfig, now: LoadEstimate, power_w: float, v: float, commanded: float
+    config: LoadEstimation, now: LoadEstimate, power_w: float, v: float, commanded: float
 ) -> LoadEstimate:
     """Take one measurement of the power.
 

@@ -8,14 +8,17 @@ from __future__ import annotations
 import math
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.roots import newton
-from hil.values import Value, replace
+from hil.rounding import nearest
+from hil.values import Value
 from hil.wire.messages import UNHEARD_SAFE, PistonSample
 
-AMPLITUDE_MIN_M = 0.5e-3
+AMPLITUDE_MIN_M: Final = 0.5e-3
 """A reversal nearer to mid-stroke than this is no dead centre that could be fired."""
 
-SPEED_MIN_M_S = 5e-3
+SPEED_MIN_M_S: Final = 5e-3
 """Below this the direction of motion is not judged."""
 
 
@@ -37,10 +40,10 @@ class Motion(Value):
     )  # fmt: skip
 
     def __init__(
-        self, direction: int = 0, t_ns: int = -1, x_m: float = 0.0, v_m_s: float = 0.0,
-        a_m_s2: float = 0.0, tdc_m: float = 0.0, side: int = 0, dc_t_ns: int = -1,
-        v_mid_m_s: float = 0.0, mid_t_ns: int = -1, stroke: int = 0, passed_mid: bool = False,
-        quarter_ns: int = 0,
+        self, direction: i64 = 0, t_ns: i64 = -1, x_m: float = 0.0, v_m_s: float = 0.0,
+        a_m_s2: float = 0.0, tdc_m: float = 0.0, side: i64 = 0, dc_t_ns: i64 = -1,
+        v_mid_m_s: float = 0.0, mid_t_ns: i64 = -1, stroke: i64 = 0, passed_mid: bool = False,
+        quarter_ns: i64 = 0,
     ) -> None:  # fmt: skip
         self.direction = direction
         self.t_ns = t_ns
@@ -59,20 +62,20 @@ class Motion(Value):
     @property
     def z_m(self) -> float:
         """Position in the direction of motion, from the middle [m]."""
-        return self.direction * self.x_m
+        return float(self.direction) * self.x_m
 
     @property
     def speed_m_s(self) -> float:
         """Velocity in the direction of motion [m/s]."""
-        return self.direction * self.v_m_s
+        return float(self.direction) * self.v_m_s
 
     @property
     def tau_s(self) -> float:
         """Time from the last dead centre to the newest sample [s]."""
-        return (self.t_ns - self.dc_t_ns) * 1e-9
+        return float(self.t_ns - self.dc_t_ns) * 1e-9
 
     @property
-    def side_ahead(self) -> int:
+    def side_ahead(self) -> i64:
         """Head that the piston moves to: 0 left, 1 right."""
         return 1 if self.direction > 0 else 0
 
@@ -103,7 +106,7 @@ class Observation(Value):
     __slots__ = ("t_ns", "motion", "passed", "stale", "unheard")
 
     def __init__(
-        self, t_ns: int, motion: Motion, passed: Passed, stale: int, unheard: bool = False
+        self, t_ns: i64, motion: Motion, passed: Passed, stale: i64, unheard: bool = False
     ) -> None:
         self.t_ns = t_ns
         self.motion = motion
@@ -112,7 +115,7 @@ class Observation(Value):
         self.unheard = unheard
 
 
-def observe(motion: Motion, stale: int, sample: PistonSample | None, t_ns: int) -> Observation:
+def observe(motion: Motion, stale: i64, sample: PistonSample | None, t_ns: i64) -> Observation:
     """Take the sample of a tick into the estimate, or count that there was none."""
     if sample is None:
         return Observation(t_ns, motion, NOTHING, stale + 1)
@@ -120,85 +123,87 @@ def observe(motion: Motion, stale: int, sample: PistonSample | None, t_ns: int) 
     return Observation(t_ns, motion, passed, 0, sample.unheard == UNHEARD_SAFE)
 
 
-def update(motion: Motion, t_ns: int, x: float, v: float) -> tuple[Motion, Passed]:
+def update(motion: Motion, t_ns: i64, x: float, v: float) -> tuple[Motion, Passed]:
     """Take one sample.
 
     Parameters: t_ns : time of the sample; x, v : position [m], velocity [m/s]
     Returns: the motion and what was passed since the last sample
     """
-    direction = motion.direction
-    if direction == 0 or motion.t_ns < 0:
+    if motion.direction == 0 or motion.t_ns < 0:
         return _first(motion, t_ns, x, v), NOTHING
-    h = (t_ns - motion.t_ns) * 1e-9
-    a = (v - motion.v_m_s) / h
+    direction = float(motion.direction)
+    a = (v - motion.v_m_s) / (float(t_ns - motion.t_ns) * 1e-9)
     if direction * v < 0.0:
         return _reversed(motion, t_ns, x, v, a)
     if not motion.passed_mid and direction * x >= 0.0:
         return _crossed(motion, t_ns, x, v, a)
     return Motion(
-        direction, t_ns, x, v, a, motion.tdc_m, motion.side, motion.dc_t_ns, motion.v_mid_m_s,
-        motion.mid_t_ns, motion.stroke, motion.passed_mid, motion.quarter_ns,
+        motion.direction, t_ns, x, v, a, motion.tdc_m, motion.side, motion.dc_t_ns,
+        motion.v_mid_m_s, motion.mid_t_ns, motion.stroke, motion.passed_mid, motion.quarter_ns,
     ), NOTHING  # fmt: skip
 
 
-def _first(motion: Motion, t_ns: int, x: float, v: float) -> Motion:
+def _first(motion: Motion, t_ns: i64, x: float, v: float) -> Motion:
     """Without a direction: take the sample, and the direction once it can be told."""
     direction = motion.direction
     if direction == 0 and abs(v) > SPEED_MIN_M_S:
         direction = 1 if v > 0.0 else -1
-    return replace(
-        motion, direction=direction, t_ns=t_ns, x_m=x, v_m_s=v, passed_mid=direction * x > 0.0
-    )
+    return Motion(
+        direction, t_ns, x, v, motion.a_m_s2, motion.tdc_m, motion.side, motion.dc_t_ns,
+        motion.v_mid_m_s, motion.mid_t_ns, motion.stroke, float(direction) * x > 0.0,
+        motion.quarter_ns,
+    )  # fmt: skip
 
 
-def _reversed(motion: Motion, t_ns: int, x: float, v: float, a: float) -> tuple[Motion, Passed]:
+def _reversed(motion: Motion, t_ns: i64, x: float, v: float, a: float) -> tuple[Motion, Passed]:
     """The velocity has changed its sign: a dead centre, if it is one worth the name."""
     dc_t_ns, dc_x = dead_centre_between(motion.t_ns, motion.x_m, motion.v_m_s, t_ns, x, v)
     direction = -motion.direction
-    turned = replace(
-        motion, direction=direction, t_ns=t_ns, x_m=x, v_m_s=v, a_m_s2=a, passed_mid=False
-    )
-    if motion.direction * dc_x < AMPLITUDE_MIN_M:
-        return replace(turned, passed_mid=direction * x > 0.0), NOTHING
-    return replace(
-        turned, tdc_m=abs(dc_x), side=1 if dc_x > 0.0 else 0, dc_t_ns=dc_t_ns,
-        stroke=motion.stroke + 1,
-        quarter_ns=dc_t_ns - motion.mid_t_ns if motion.passed_mid else 0,
+    if float(motion.direction) * dc_x < AMPLITUDE_MIN_M:
+        return Motion(
+            direction, t_ns, x, v, a, motion.tdc_m, motion.side, motion.dc_t_ns,
+            motion.v_mid_m_s, motion.mid_t_ns, motion.stroke, float(direction) * x > 0.0,
+            motion.quarter_ns,
+        ), NOTHING  # fmt: skip
+    quarter_ns: i64 = dc_t_ns - motion.mid_t_ns if motion.passed_mid else 0
+    return Motion(
+        direction, t_ns, x, v, a, abs(dc_x), 1 if dc_x > 0.0 else 0, dc_t_ns, motion.v_mid_m_s,
+        motion.mid_t_ns, motion.stroke + 1, False, quarter_ns,
     ), DEAD_CENTRE  # fmt: skip
 
 
-def _crossed(motion: Motion, t_ns: int, x: float, v: float, a: float) -> tuple[Motion, Passed]:
+def _crossed(motion: Motion, t_ns: i64, x: float, v: float, a: float) -> tuple[Motion, Passed]:
     """The piston has passed the middle of its stroke."""
     mid_t_ns, v_mid = crossing_between(motion.t_ns, motion.x_m, motion.v_m_s, t_ns, x, v)
-    return replace(
-        motion, t_ns=t_ns, x_m=x, v_m_s=v, a_m_s2=a, v_mid_m_s=abs(v_mid), mid_t_ns=mid_t_ns,
-        passed_mid=True,
+    return Motion(
+        motion.direction, t_ns, x, v, a, motion.tdc_m, motion.side, motion.dc_t_ns, abs(v_mid),
+        mid_t_ns, motion.stroke, True, motion.quarter_ns,
     ), MID_STROKE  # fmt: skip
 
 
 def dead_centre_between(
-    t1_ns: int, x1: float, v1: float, t2_ns: int, x2: float, v2: float
-) -> tuple[int, float]:
+    t1_ns: i64, x1: float, v1: float, t2_ns: i64, x2: float, v2: float
+) -> tuple[i64, float]:
     """Instant and position of the dead centre between two samples of opposite velocity.
 
     With a constant acceleration on each side, which may differ (combustion changes it at the dead
     centre itself), x_dc = x1 + v1 s / 2 = x2 - v2 (h - s) / 2, which is linear in s. The error is
     j s^3 / 12, under 4 um for a tick of 1 ms in the worst excitation, and noise is not amplified.
     """
-    h = (t2_ns - t1_ns) * 1e-9
+    h = float(t2_ns - t1_ns) * 1e-9
     s = 2.0 * (x2 - x1 - 0.5 * v2 * h) / (v1 - v2)
     s = min(max(s, 0.0), h)
-    return t1_ns + round(s * 1e9), x1 + 0.5 * v1 * s
+    return t1_ns + nearest(s * 1e9), x1 + 0.5 * v1 * s
 
 
 def crossing_between(
-    t1_ns: int, x1: float, v1: float, t2_ns: int, x2: float, v2: float
-) -> tuple[int, float]:
+    t1_ns: i64, x1: float, v1: float, t2_ns: i64, x2: float, v2: float
+) -> tuple[i64, float]:
     """Instant and velocity of the pass through x = 0 between two samples.
 
     Cubic Hermite interpolation of both samples; Newton's method from the secant, kept between them.
     """
-    h = (t2_ns - t1_ns) * 1e-9
+    h = float(t2_ns - t1_ns) * 1e-9
     d = (x2 - x1) / h
     if d == 0.0:
         return t2_ns, v2
@@ -209,7 +214,7 @@ def crossing_between(
         return x1 + s * (v1 + s * (c2 + c3 * s)), v1 + s * (2.0 * c2 + 3.0 * c3 * s)
 
     s = newton(height, min(max(-x1 / d, 0.0), h), low=0.0, high=h, steps=3)
-    return t1_ns + round(s * 1e9), height(s)[1]
+    return t1_ns + nearest(s * 1e9), height(s)[1]
 
 
 def seconds_to_dead_centre(motion: Motion, h: float, omega: float) -> float:
@@ -222,5 +227,5 @@ def seconds_to_dead_centre(motion: Motion, h: float, omega: float) -> float:
     Parameters: h : tick [s]; omega : angular frequency of this stroke [rad/s]
     """
     speed = motion.speed_m_s
-    a = motion.direction * motion.a_m_s2 - 0.5 * h * omega * omega * speed
+    a = float(motion.direction) * motion.a_m_s2 - 0.5 * h * omega * omega * speed
     return math.atan2(speed * omega, -a) / omega

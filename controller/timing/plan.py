@@ -4,9 +4,36 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
+from hil.config.controller import ControllerConfig
 from hil.values import Value
 
 US: Final = 1000
+
+
+@final
+class Timings:
+    """Sections `timing` and `injector` of the configuration, read once for all ticks."""
+
+    def __init__(self, config: ControllerConfig) -> None:
+        timing, injector = config.timing, config.injector
+        self.spark_position_m = timing.spark_position_m
+        self.fires = timing.fires
+        self.spark_advance_s = timing.spark_advance_s
+        self.spark_duration_s = timing.spark_duration_s
+        self.spark_ahead_s = timing.spark_ahead_s
+        self.injection_lead_ticks: i64 = timing.injection_lead_ticks
+        self.injection_margin_s = timing.injection_margin_s
+        self.act_ticks: i64 = timing.act_ticks
+        self.trim_reserve = timing.trim_reserve
+        self.trim_margin_s = timing.trim_margin_s
+        self.static_flow_kg_s = injector.static_flow_kg_s
+        self.dead_time_s = injector.dead_time_s
+
+    def fire(self, stroke: i64) -> bool:
+        """Whether a stroke ends in a combustion; one of a four-stroke gas exchange does not."""
+        return self.fires[stroke % len(self.fires)]
 
 
 @final
@@ -15,13 +42,13 @@ class PlannedPulse(Value):
 
     __slots__ = ("channel", "open_ns", "duration_ns")
 
-    def __init__(self, channel: int, open_ns: int, duration_ns: int) -> None:
+    def __init__(self, channel: i64, open_ns: i64, duration_ns: i64) -> None:
         self.channel = channel
         self.open_ns = open_ns
         self.duration_ns = duration_ns
 
     @property
-    def close_ns(self) -> int:
+    def close_ns(self) -> i64:
         """The instant at which the line goes low [ns]."""
         return self.open_ns + self.duration_ns
 
@@ -44,6 +71,6 @@ class Plan(Value):
 NO_PLAN: Final = Plan()
 
 
-def whole_us(t_ns: int) -> int:
+def whole_us(t_ns: i64) -> i64:
     """The next whole microsecond [ns]."""
     return -(-t_ns // US) * US

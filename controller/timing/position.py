@@ -7,33 +7,29 @@ motion is carried on with it:  v' = -c v / m - K (L - x)^-gamma,  K from the las
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Final
 
 from controller.observe.estimate import Motion
 from hil.config.prototypes import Prototype
 
-_STEP_S = 1.0e-4
-_MOST_STEPS = 250
-_NEAREST_M = 1.0e-4
-_CLEAR_OF_MID = 0.3
-_FREE_MEAN_SPEED = 2.0 / math.pi
+_STEP_S: Final = 1.0e-4
+_MOST_STEPS: Final = 250
+_NEAREST_M: Final = 1.0e-4
+_CLEAR_OF_MID: Final = 0.3
+_FREE_MEAN_SPEED: Final = 2.0 / math.pi
 
 
-def ahead_of(
+def seconds_to_spark(
     engine: Prototype, motion: Motion, period_s: float, load_n_s_m: float, position_m: float,
     advance_s: float,
-) -> Callable[[], float]:  # fmt: skip
+) -> float:  # fmt: skip
     """Time to the spark, told as time to a dead centre `advance_s` behind it.
 
     The spark is at the position, or `advance_s` before the piston would turn unfired if that is
     earlier: a stroke that falls short is lit nearer to mid-stroke.
     """
-
-    def ahead() -> float:
-        reach, turn = predict(engine, motion, period_s, load_n_s_m, position_m)
-        return min(reach + advance_s, turn)
-
-    return ahead
+    reach, turn = predict(engine, motion, period_s, load_n_s_m, position_m)
+    return min(reach + advance_s, turn)
 
 
 def predict(
@@ -73,7 +69,7 @@ def gas_and_drive(
     not push evenly.
     """
     x, v = motion.z_m, motion.speed_m_s
-    a = motion.direction * motion.a_m_s2
+    a = float(motion.direction) * motion.a_m_s2
     x_then, v_then = x - v * half_s, v - a * half_s
     hardness = (L - x_then) ** -gamma
     lost = -a - c * v_then
@@ -95,5 +91,5 @@ def _is_driven(motion: Motion) -> bool:
     """
     if not motion.passed_mid:
         return False
-    took_s = (motion.mid_t_ns - motion.dc_t_ns) * 1e-9
+    took_s = float(motion.mid_t_ns - motion.dc_t_ns) * 1e-9
     return 0.0 < motion.tdc_m < _FREE_MEAN_SPEED * motion.v_mid_m_s * took_s

@@ -17,6 +17,7 @@ from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
 from hil.config.inputs import InputsConfig, SensorConfig
 from hil.config.resolved import Resolved
+from hil.config.terms import terms_of
 from hil.errors import ConfigError
 from hil.pacing import Pacer, RealTimePacer
 from hil.ports import Link
@@ -118,7 +119,7 @@ def run(scenario: Resolved, service: Service, open_input: Open = IioInput) -> in
     stop.listen()
     source = AnalogSource(scenario.inputs, open_input)
     granted = prepare(scenario.realtime)
-    connection = open_link("plant", scenario.link, scenario.loop)
+    connection = open_link("plant", scenario.link, scenario.loop, terms_of(scenario))
     try:
         granted |= pin(scenario.realtime)
         service.wait_for_peer(connection.link, "controller", scenario.loop.peer_timeout_s, stop)

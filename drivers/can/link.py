@@ -19,7 +19,7 @@ from drivers.can.virtual.records import REMOTE
 from drivers.can.virtual.transmitter import Medium
 from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.config import Role
-from drivers.zenoh.link import PEER
+from drivers.zenoh.node import PEER
 from hil.config.process import LinkConfig
 from hil.errors import LinkError
 from hil.wire.fields import LAYOUTS, layout_of

@@ -68,12 +68,12 @@ class EdgeDriver:
         """
         if self._clock.tick_after(sent_ns) - self._tick > MAX_DELTA:
             self._decoder.forget_counters()
-        tick, mode, pulses = -1, None, []
+        tick, mode = -1, None
+        pulses: list[Pulse] = []
         for message in self._decoder.decode(batch):
-            kind = type(message)
-            if kind is ControllerTick:
+            if isinstance(message, ControllerTick):
                 tick, mode = message.tick, message.mode
-            elif kind is Pulse:
+            elif isinstance(message, Pulse):
                 pulses.append(message)
         if mode is not None and arrival_ns and self._clock.arrived(tick, arrival_ns):
             self.rest()

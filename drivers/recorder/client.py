@@ -7,17 +7,16 @@ import fcntl
 import json
 import os
 import select
-import signal
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from drivers.recorder import ring, unit
-from hil import compiled
+from drivers.recorder import ring, succession
+from drivers.recorder.start import describe, joined
 from hil.errors import ConfigError, RunError
 from hil.log.records import Topic
 from hil.log.segments import segments_before
@@ -25,11 +24,10 @@ from hil.log.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
 CHUNK_BYTES = 256 << 10
-# The end of the writing process, and nothing else, is what ends a recorder process.
-_HELD_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _POLL_MS = 1
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
+OnEnd = Callable[[str, str], None]  # with the code of an event and its text
 
 
 class Rotation(NamedTuple):
@@ -55,6 +53,9 @@ class NullRecorder:
     def put(self, data: bytes, /) -> None:
         """Forget the bytes."""
 
+    def watch(self, policy: str, on_end: OnEnd) -> None:
+        """Nothing can be lost."""
+
     def close(self, timeout_s: float = 0.0) -> LogResult:
         """Return the counts of a log without messages."""
         return LogResult(0, 0)
@@ -75,14 +76,16 @@ class Recorder:
         process: subprocess.Popen[bytes] | None,
         *,
         blocking: bool,
+        config: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         self._path = path
+        self._config = config
         self._producer = producer
         self._put = producer.put
         self._control = control
         self._process = process
         self._blocking = blocking
-        self._gone = False
+        self._gone = self._closing = False
         self._result: LogResult | RunError | None = None
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN | select.POLLHUP)
@@ -103,24 +106,15 @@ class Recorder:
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
-        out = _open_output(path)
-        ring_fd = ring.create(ring_bytes)
         config = {
-            "out": out,
-            "ring": ring_fd,
+            "ring_bytes": ring_bytes,
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
-            **_describe(topics),
+            **describe(topics),
             "rotation": None if rotation is None else _rotation(path, rotation),
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
-        try:
-            control, process = _start(config)
-            producer = ring.Producer(ring_fd)
-        finally:
-            os.close(ring_fd)
-            os.close(out)
-        return cls(path, producer, control, process, blocking=blocking)
+        return cls(path, *joined(_open_output(path), config), blocking=blocking, config=config)
 
     def put(self, data: bytes, /) -> None:
         """Take the packed records of one tick as a whole."""
@@ -150,11 +144,58 @@ class Recorder:
         """Puts that found no room."""
         return self._producer.dropped
 
+    def watch(self, policy: str, on_end: OnEnd) -> None:
+        """Have the loss of the recorder process noticed when it happens, by a signal.
+
+        Another one goes on with the log in any case, if only to say so in it.
+
+        Parameters: policy : "restart" goes on with the run, "end" calls `on_end`
+        """
+
+        def take_over() -> None:
+            if self._closing or not self._is_gone():
+                return
+            told = succession.told(self._process)
+            try:
+                self._begin_again()
+            except (OSError, RunError) as error:
+                on_end(succession.CODE, f"{told}, and no other one can be started: {error}")
+                return
+            if policy == "end":
+                on_end(succession.CODE, told)
+            else:
+                self._note_first(f"{told}, another one goes on from here")
+            succession.watch(self._control, take_over)
+
+        succession.watch(self._control, take_over)
+
+    def _begin_again(self) -> None:
+        """Have another recorder go on with the log, whose file so far becomes a segment."""
+        number = succession.set_aside(self._path)
+        out = _open_output(self._path, forget=False)
+        control = self._control
+        self._producer, self._control, self._process = joined(out, self._config, number + 1)
+        control.close()
+        self._put, self._gone = self._producer.put, False
+        self._poll = select.poll()
+        self._poll.register(self._control, select.POLLIN | select.POLLHUP)
+
+    def _note_first(self, text: str) -> None:
+        """Log an event in front of what is put next, at its time."""
+        put = self._producer.put
+
+        def put_both(data: bytes) -> bool:
+            self._put = put
+            return put(succession.event(text, data) + data)
+
+        self._put = put_both
+
     def close(self, timeout_s: float = 10.0) -> LogResult:
         """Wait until the log is finished; a second call ends as the first did.
 
         Raises: RunError when it was not finished in time, or not all of it could be written
         """
+        self._closing = True
         if self._result is None:
             self._producer.close()
             try:
@@ -236,7 +277,7 @@ def _try_lock(fd: int, kind: int) -> bool:
     return True
 
 
-def _open_output(path: Path) -> int:
+def _open_output(path: Path, *, forget: bool = True) -> int:
     try:
         fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except OSError as error:
@@ -245,52 +286,6 @@ def _open_output(path: Path) -> int:
         os.close(fd)
         raise ConfigError(f"log {path} is being written by another recorder")
     os.ftruncate(fd, 0)
-    for segment in segments_before(path):  # of the log that is overwritten
+    for segment in segments_before(path) if forget else ():  # of the log that is overwritten
         segment.unlink(missing_ok=True)
     return fd
-
-
-def _describe(topics: Sequence[Topic]) -> dict[str, Any]:
-    """Return schemas and channels of the log; topics of one record class share a schema."""
-    numbers: dict[str, int] = {}
-    schemas = []
-    for topic in topics:
-        if topic.schema_name not in numbers:
-            numbers[topic.schema_name] = len(numbers) + 1
-            schemas.append((numbers[topic.schema_name], topic.schema_name, topic.definition))
-    channels = [(topic.channel_id, topic.name, numbers[topic.schema_name]) for topic in topics]
-    return {"schemas": schemas, "channels": channels}
-
-
-def _start(config: Mapping[str, Any]) -> tuple[socket.socket, subprocess.Popen[bytes] | None]:
-    """Start a recorder process, or have the service manager start one; returns the control end."""
-    address = os.environ.get(unit.VARIABLE, "")
-    if address:
-        return unit.hand_over(address, config), None
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        return ours, _spawn({**config, "control": theirs.fileno()})
-
-
-def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:
-    """Start the recorder process in a session of its own, with the descriptors in `config`."""
-    described = os.memfd_create("hil-recorder-config")
-    with os.fdopen(described, "w+") as standard_input:
-        json.dump(config, standard_input)
-        standard_input.flush()
-        standard_input.seek(0)
-        root = str(compiled.root())
-        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-        # Held back until the new process, which inherits the mask, can ignore them itself.
-        held = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_SIGNALS)
-        try:
-            return subprocess.Popen(
-                [sys.executable, "-P", "-m", "drivers.recorder.process"],
-                stdin=standard_input,
-                stdout=subprocess.DEVNULL,
-                pass_fds=(config["out"], config["ring"], config["control"]),
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-                start_new_session=True,
-            )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, held)

@@ -32,9 +32,9 @@ class Segments:
         self._most_bytes: int | None = rotation.get("bytes")
         self._most_ns: int | None = rotation.get("ns")
         self._retain_bytes: int | None = rotation.get("retain_bytes")
-        self._number = 1
+        self._number = config.get("segment") or 1
         self._fd = fd
-        self._file = self._begin(fd, 1)
+        self._file = self._begin(fd, self._number)
         self._start_ns: int | None = None
         self._finished_messages = 0
 
@@ -82,7 +82,7 @@ class Segments:
         file = McapFile(fd, schemas, channels)
         for name, values in config["metadata"].items():
             file.add_metadata(name, values)
-        if self._path is not None:
+        if self._path is not None or number > 1:
             file.add_metadata("segment", {"number": str(number)})
         for name, media_type, content in config["attachments"]:
             file.add_attachment(name, media_type, base64.b64decode(content))

@@ -1,7 +1,8 @@
 """A link through shared memory (iceoryx2), for two processes on one machine; it is polled.
 
 Presence, commands and status stay on a Zenoh node: a killed peer is noticed there at once, and
-the endpoints of the node keep two pairs on one machine apart.
+the endpoints of the node keep two pairs on one machine apart. What belongs to the queues is this
+user's alone (drivers/shm/memory.py).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from drivers.polling import LockstepPolling, RealTimePolling
-from drivers.zenoh.link import PEER, ZenohNode
+from drivers.shm import memory
+from drivers.zenoh.node import PEER, ZenohNode
 from hil.errors import LinkError, MissingExtraError
 
 try:
@@ -24,7 +26,12 @@ except ImportError:
 
 BATCH_MAX_BYTES: Final = 1024
 _CAPACITY: Final = 2048  # batches that wait to be taken; beyond it the oldest is lost
-_PREFIX: Final = "hil_"
+MARGIN_BYTES: Final = 1 << 20
+"""For what belongs to the queues beside the batches themselves."""
+
+QUEUE_BYTES: Final = 5 << 20
+"""The most that one direction's batches take: 4.4 MB."""
+
 _PEER_POLL_S: Final = 2e-3
 _CLEAN_UP_S: Final = 1.0
 
@@ -36,26 +43,25 @@ def service_name(node: ZenohNode, sender: str) -> str:
     return f"hil/{config.engine}/{hashlib.sha256(pair).hexdigest()[:16]}/frames/{sender}"
 
 
-def _configuration() -> Any:  # noqa: ANN401
-    """Return the library's configuration, with files of our own name in shared memory."""
-    config = iox.config.default()
-    config.global_cfg.prefix = iox.FileName.new(_PREFIX)
-    return config
-
-
 def open_node() -> Any:  # noqa: ANN401
     """Return a node of the shared memory, after removing what killed processes left in it.
 
-    Raises: MissingExtraError without the library, LinkError when there is no shared memory
+    Raises: MissingExtraError without the library, LinkError when there is no shared memory,
+        ConfigError when the directory for it will not do
     """
     if iox is None:
         raise MissingExtraError("iceoryx2", "shm", "link.kind = 'shm'")
     iox.set_log_level(iox.LogLevel.Fatal)
+    config = iox.config.default()
+    config.global_cfg.prefix = iox.FileName.new(memory.prefix())
+    config.global_cfg.root_path = iox.Path.new(str(memory.root()))
+    memory.demand(memory.prefix(), MARGIN_BYTES)
     with _told("cannot join shared memory"):
-        builder = iox.NodeBuilder.new().config(_configuration())
+        builder = iox.NodeBuilder.new().config(config)
         quiet = builder.signal_handling_mode(iox.SignalHandlingMode.Disabled)
         node = quiet.create(iox.ServiceType.Ipc)
         node.blocking_cleanup_dead_nodes(iox.Duration.from_secs_f64(_CLEAN_UP_S))
+    memory.close_to_others(memory.prefix())
     return node
 
 
@@ -81,6 +87,7 @@ class ShmLink:
         self._side = presence.role
         self._peer = PEER[presence.role]
         self._node = open_node()
+        memory.demand(memory.prefix(), QUEUE_BYTES)
         with _told(f"{self._side} cannot open its frames"):
             self._out = self._service(self._side)
             self._in = self._service(self._peer)
@@ -88,6 +95,7 @@ class ShmLink:
                 BATCH_MAX_BYTES
             ).create()  # fmt: skip
             self._subscriber = self._in.subscriber_builder().buffer_size(_CAPACITY).create()
+        memory.reserve(memory.prefix())
         lockstep = presence.lockstep
         polling = LockstepPolling(self.receive) if lockstep else None
         self._polling = polling or RealTimePolling(self.receive, period_ns)
@@ -143,21 +151,27 @@ class ShmLink:
         return self._peer in self._presence.alive()
 
     def wait_for_peer(self, timeout_s: float) -> None:
-        """Return when the peer takes part and gets what is sent to it.
+        """Return when the peer takes part, fits, and gets what is sent to it.
 
-        Raises: LinkError when it does not within the time
+        Raises: LinkError when it does not within the time; ConfigError naming what does not fit
         """
         end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
-        while not (self.peer_alive() and self._is_heard()):
+        while not (self._presence.is_met() and self._is_heard()):
             if time.monotonic_ns() > end_ns:
-                raise LinkError(f"shm: no {self._peer} after {timeout_s:g} s")
+                absent = f"shm: no {self._peer} after {timeout_s:g} s"
+                raise LinkError(absent + self._presence.absence())
             time.sleep(_PEER_POLL_S)
+        memory.reserve(memory.prefix())
 
     def _is_heard(self) -> bool:
         """Whether the peer's end of both queues is there."""
         ends = self._out.dynamic_config.number_of_subscribers
         back = self._in.dynamic_config.number_of_publishers
         return bool(ends and back)
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return (code, text) of what happened around the session since the last time."""
+        return self._presence.notices()
 
     def counters(self) -> Mapping[str, int]:
         """Return batches sent and received, and those sent while nobody listened."""

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import platform
 import signal
 import subprocess
 import sys
+import time
+import traceback
 from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import FrameType, MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple, TextIO
 
 from drivers.recorder.client import NullRecorder, Recorder, Rotation
+from drivers.system import starter
 from hil import compiled
 from hil.config.process import LogConfig
 from hil.config.resolved import Resolved, read_resolved
-from hil.errors import HilError, InterruptedRunError
+from hil.errors import HilError, InterruptedRunError, RunError
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD
 from hil.ports import Link, Noticing
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
+_BRAKING_S: Final = 0.5
 _DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
 
 
@@ -144,46 +149,115 @@ def git_hash() -> str:
 
 
 class Stop:
-    """Set by SIGTERM or SIGINT; the loop looks at it between two ticks."""
+    """A request to end; the loop looks at it between two ticks.
+
+    cause: why nobody asked for it, in words; empty when SIGTERM or SIGINT did
+    code: of the event that says so
+    """
 
     def __init__(self) -> None:
         self.requested = False
+        self.cause = ""
+        self.code = ""
         self._at_once = False
 
     def listen(self) -> None:
-        """Take over the two signals."""
+        """Take over the signals, that of the starter's end too."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._request)
+        if starter.pid() is not None or signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            signal.signal(signal.SIGHUP, self._left_alone)
+        if starter.bind():
+            self._left_alone()
+
+    def end(self, code: str, cause: str) -> None:
+        """Ask for the end because of what has happened."""
+        self.code, self.cause = self.code or code, self.cause or cause
+        self._request()
+
+    def facts(self) -> dict[str, str]:
+        """Return the cause for the summary, if there was one."""
+        return {"cause": self.cause} if self.cause else {}
+
+    def raise_if_caused(self) -> None:
+        """A run that had to end did not end well.
+
+        Raises: RunError
+        """
+        if self.cause:
+            raise RunError(self.cause)
 
     def wait_for_peer(self, link: Link, timeout_s: float) -> None:
         """Wait for the peer; a request to end is followed at once.
 
-        Raises: LinkError when it does not come within the time; KeyboardInterrupt
+        Raises: LinkError when it does not come within the time; KeyboardInterrupt; RunError when
+            the starter is gone
         """
-        self._at_once = True
         try:
+            self._at_once = True
+            self.raise_if_caused()
             link.wait_for_peer(timeout_s)
+        except KeyboardInterrupt:
+            self.raise_if_caused()
+            raise
         finally:
             self._at_once = False
 
-    def _request(self, _number: int, _frame: FrameType | None) -> None:
+    def _request(self, _number: int = 0, _frame: FrameType | None = None) -> None:
         self.requested = True
         if self._at_once:
             raise KeyboardInterrupt
 
+    def _left_alone(self, _number: int = 0, _frame: FrameType | None = None) -> None:
+        self.end(starter.LOST, starter.end_told())
+
+
+def brake(
+    stop: Stop, recorder: PortRecorder, tick: int, t_ns: int, turn: Callable[[], bool]
+) -> None:
+    """Log why it has to end, then take turns until one returns that the safe state is reached."""
+    recorder.put(topics.EVENT.pack(tick, t_ns, topics.FAULT, stop.code, stop.cause))
+    end_s = time.monotonic() + _BRAKING_S
+    while not turn() and time.monotonic() < end_s:
+        pass
+
 
 def last_words(facts: Mapping[str, Any]) -> None:
-    """Tell the starter how it went, as one JSON line."""
-    print(json.dumps(facts), flush=True)
+    """Tell the starter how it went, as one JSON line; one that is gone does not hear it."""
+    say(sys.stdout, json.dumps(facts))
+
+
+def say(stream: TextIO, line: str) -> None:
+    """Write one line; a reader that is gone is no reason to end otherwise than with one."""
+    try:
+        print(line, file=stream, flush=True)
+    except OSError:  # what is left in the buffer must not fail once more at the very end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def told_of(error: OSError | MemoryError) -> str:
+    """Return in one line what the operating system refused."""
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    return f"{error.filename or 'operating system'}: {error.strerror or error}"
 
 
 def guarded(main: Callable[[], int]) -> int:
-    """Run a main function; a known failure is one line and its exit code, Ctrl-C too."""
+    """Run a main function; a known failure is one line and its exit code, Ctrl-C too.
+
+    What is not foreseen is told in full, and is no verdict either: exit code 3.
+    """
     try:
         return main()
     except HilError as error:
-        print(error, file=sys.stderr)
+        say(sys.stderr, str(error))
         return error.exit_code
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        say(sys.stderr, "interrupted")
         return InterruptedRunError.exit_code
+    except (OSError, MemoryError) as error:
+        say(sys.stderr, told_of(error))
+        return RunError.exit_code
+    except Exception:  # the interpreter's own exit code would say "not met"
+        say(sys.stderr, traceback.format_exc().rstrip())
+        return RunError.exit_code

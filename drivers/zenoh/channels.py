@@ -16,7 +16,8 @@ from drivers.channels import (
     clip_command,
     origin_text,
 )
-from drivers.zenoh.link import ZenohNode, give_back, is_heard
+from drivers.zenoh.link import is_heard
+from drivers.zenoh.node import ZenohNode, give_back
 from hil.errors import LinkError
 from hil.wire import commands, status
 
@@ -52,9 +53,10 @@ class ZenohCommands:
 
 
 class ZenohStatus:
-    """A process's side of its status key."""
+    """A process's side of its status key; as often as it tells, it looks who is there."""
 
     def __init__(self, node: ZenohNode) -> None:
+        self._node = node
         self._publisher = node.session.declare_publisher(
             node.key(f"status/{node.role}"),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -67,6 +69,7 @@ class ZenohStatus:
         """Publish; dropped when nobody keeps up or the session is gone."""
         if not self._closed:
             with contextlib.suppress(zenoh.ZError):
+                self._node.attend()
                 self._publisher.put(status.write(told))
 
     def close(self) -> None:

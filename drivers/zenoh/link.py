@@ -6,29 +6,18 @@ without timeouts is all the library offers beside it. So `wait` polls: an empty 
 
 from __future__ import annotations
 
-import contextlib
-import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 import zenoh
 
 from drivers.polling import LockstepPolling, RealTimePolling
-from drivers.zenoh.config import Role, session_config
-from hil.config.process import ZenohConfig
+from drivers.zenoh.node import PEER, ZenohNode, give_back
 from hil.errors import LinkError
 
 _CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
 _PEER_POLL_S: Final = 2e-3
-PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
-
-
-def give_back(*closers: Callable[[], object]) -> None:
-    """Undeclare or close one after the other, whatever became of the session meanwhile."""
-    for closer in closers:
-        with contextlib.suppress(zenoh.ZError):
-            closer()
 
 
 def is_heard(publisher: zenoh.Publisher) -> bool:
@@ -36,52 +25,6 @@ def is_heard(publisher: zenoh.Publisher) -> bool:
     # The stub declares a bool; the library returns an object with this one field.
     status: object = publisher.matching_status
     return bool(getattr(status, "matching", status))
-
-
-class ZenohNode:
-    """One process's session: its endpoints, its liveliness token and its view of the peers.
-
-    Raises: ConfigError when an endpoint is refused, LinkError when the session does not open
-    """
-
-    def __init__(self, role: Role, config: ZenohConfig, *, lockstep: bool) -> None:
-        self.role = role
-        self.config = config
-        self.lockstep = lockstep
-        tree = session_config(role, config, lockstep=lockstep)
-        try:
-            self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
-        except zenoh.ZError as error:
-            raise LinkError(f"zenoh: {role} cannot open {tree['listen']}: {error}") from None
-        self._alive: set[str] = set()
-        self._seen = self.session.liveliness().declare_subscriber(
-            self.key("alive/*"), zenoh.handlers.RingChannel(64), history=True
-        )
-        self._token: zenoh.LivelinessToken | None = None
-
-    def key(self, end: str) -> str:
-        """Return a key of this engine."""
-        return f"hil/{self.config.engine}/{end}"
-
-    def announce(self) -> None:
-        """Tell the others that this process takes part; call it when everything is declared."""
-        self._token = self.session.liveliness().declare_token(self.key(f"alive/{self.role}"))
-
-    def alive(self) -> set[str]:
-        """Return the roles of the processes that take part by now."""
-        while (sample := self._seen.handler.try_recv()) is not None:
-            role = str(sample.key_expr).rsplit("/", 1)[1]
-            if sample.kind == zenoh.SampleKind.PUT:
-                self._alive.add(role)
-            else:
-                self._alive.discard(role)
-        return self._alive
-
-    def close(self) -> None:
-        """Leave; a second call does nothing."""
-        if not self.session.is_closed():
-            token = () if self._token is None else (self._token.undeclare,)
-            give_back(*token, self._seen.undeclare, self.session.close)
 
 
 class ZenohLink:
@@ -137,18 +80,23 @@ class ZenohLink:
         return self._peer in self._node.alive()
 
     def wait_for_peer(self, timeout_s: float) -> None:
-        """Return when the peer takes part and gets what is sent to it.
+        """Return when the peer takes part, fits, and gets what is sent to it.
 
-        Raises: LinkError when it does not within the time
+        Raises: LinkError when it does not within the time; ConfigError naming what does not fit
         """
         end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
-        while not (self.peer_alive() and is_heard(self._publisher)):
+        while not (self._node.is_met() and is_heard(self._publisher)):
             if time.monotonic_ns() > end_ns:
                 config = self._node.config
                 plant = self._peer == "plant"
                 endpoint = config.plant_endpoint if plant else config.controller_endpoint
-                raise LinkError(f"no {self._peer} at {endpoint} after {timeout_s:g} s")
+                absent = f"no {self._peer} at {endpoint} after {timeout_s:g} s"
+                raise LinkError(absent + self._node.absence())
             time.sleep(_PEER_POLL_S)
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return (code, text) of what happened around the session since the last time."""
+        return self._node.notices()
 
     def counters(self) -> Mapping[str, int]:
         """Return batches sent and received, and errors; what was lost shows in the tick numbers."""

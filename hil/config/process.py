@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -76,13 +77,14 @@ class ZenohConfig(Section):
     """Where the Zenoh link listens and connects; nothing beyond this machine unless said so.
 
     engine: name of the pair, part of every key
-    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`
+    plant_endpoint, controller_endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream//PATH`;
+        empty: a unix socket in the engine's directory
     allow_insecure: lets an endpoint leave the machine without mutual TLS
     """
 
     engine: str = Field(default="fpeg", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")
-    plant_endpoint: str = "tcp/127.0.0.1:7447"
-    controller_endpoint: str = "tcp/127.0.0.1:7448"
+    plant_endpoint: str = ""
+    controller_endpoint: str = ""
     tls: TlsConfig | None = None
     allow_insecure: bool = False
 
@@ -137,6 +139,7 @@ class LogConfig(Section):
     plant, controller: files to write
     segment_bytes, segment_s: where a log goes on in another file
     retain_bytes: how much of the earlier files is kept
+    recorder_lost: what the loss of a recorder does; another one takes down the end in any case
     """
 
     enabled: bool = True
@@ -145,6 +148,7 @@ class LogConfig(Section):
     segment_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 50)
     segment_s: float | None = Field(default=None, gt=0.0, le=1e6)
     retain_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 60)
+    recorder_lost: Literal["end", "restart"] = "end"
 
     @model_validator(mode="after")
     def _retaining_needs_segments(self) -> LogConfig:

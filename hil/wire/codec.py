@@ -8,21 +8,34 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Iterator
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, final
+
+from librt.strings import (
+    BytesWriter,
+    read_i16_le,
+    read_i64_le,
+    write_i16_le,
+    write_i64_le,
+)
+from mypy_extensions import i64
 
 from hil.errors import CodecError
-from hil.wire import messages as _messages
-from hil.wire.e2e import MAX_DELTA, ReceptionCounts, counter_marks
-from hil.wire.fields import LAYOUTS, Layout
-from hil.wire.packing import DAMAGED, compile_layout, no_number
+from hil.wire.e2e import MAX_DELTA, ReceptionCounts, crc8, signed, unsigned
+from hil.wire.fields import LAYOUTS
+from hil.wire.frames import controller, plant
+from hil.wire.messages import Message
+from hil.wire.stream import Stream
 
 FRAME: Final = struct.Struct("<HQ")
 """One frame of a batch: CAN identifier and data word."""
 
+FRAME_SIZE: Final = 10
+
 pack_frame: Final = FRAME.pack
 iter_frames: Final = FRAME.iter_unpack
 
-_BATCHES: Final = tuple(struct.Struct("<" + "HQ" * frames) for frames in range(17))
+
+_SENDERS: Final = {"plant": plant.STREAMS, "controller": controller.STREAMS}
 
 
 def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
@@ -38,72 +51,40 @@ def frames_of(batch: bytes) -> Iterator[tuple[int, int]]:
         ) from None
 
 
-class _Codec:
-    """What belongs to one message, shared by all encoders and decoders."""
-
-    __slots__ = ("can_id", "layout", "marks", "pack", "unpack")
-
-    def __init__(self, layout: Layout) -> None:
-        self.layout = layout
-        self.can_id = layout.can_id
-        self.marks = counter_marks(layout.data_ids)
-        self.pack, self.unpack = compile_layout(layout)
-
-
-_CODECS: Final = {can_id: _Codec(layout) for can_id, layout in LAYOUTS.items()}
-
-
-class _Stream:
-    """One message on its way in one direction: its codec, counter, and last value.
-
-    `bare` is the word without counter, CRC of the payload included; while a payload repeats,
-    as commands and pulses do, neither packing nor CRC is worked out again.
-    """
-
-    __slots__ = ("bare", "can_id", "counter", "marks", "message", "pack", "unpack")
-
-    def __init__(self, codec: _Codec) -> None:
-        self.can_id, self.marks = codec.can_id, codec.marks
-        self.pack, self.unpack = codec.pack, codec.unpack
-        self.counter = -1
-        self.bare = -1
-        self.message: Any = None
-
-
+@final
 class Encoder:
     """Messages to batches; keeps the E2E counter of each message."""
 
-    __slots__ = ("_streams",)
+    __slots__ = ("_streams", "_writer")
 
     def __init__(self) -> None:
-        self._streams = {codec.layout.make: _Stream(codec) for codec in _CODECS.values()}
+        kinds = {**plant.STREAMS, **controller.STREAMS}
+        self._streams: dict[type, Stream[Any]] = {kind: make() for kind, make in kinds.items()}
+        self._writer = BytesWriter()
 
-    def encode(self, messages: Iterable[_messages.Message]) -> bytes:
-        """Encode the messages of one tick, in order; at most 16.
+    def encode(self, messages: Iterable[Message]) -> bytes:
+        """Encode the messages of one tick, in order.
 
         Raises: CodecError when a value does not fit its signal, is nan or infinite
         """
-        frames: list[int] = []
+        writer = self._writer
+        writer.truncate(0)
         for message in messages:
             stream = self._streams[type(message)]
-            counter = stream.counter = stream.counter + 1 & 0xF
-            if message != stream.message:
-                try:
-                    stream.bare = stream.pack(message)
-                except (ValueError, OverflowError):
-                    raise CodecError(no_number(message)) from None
-                stream.message = message
-            frames += (stream.can_id, stream.bare ^ stream.marks[counter])
-        return _BATCHES[len(frames) >> 1].pack(*frames)
+            counter = stream.counter + 1 & 0xF
+            stream.counter = counter
+            write_i16_le(writer, stream.can_id)
+            write_i64_le(writer, stream.pack(message) ^ stream.marks[counter])
+        return writer.getvalue()
 
     @property
     def counters(self) -> dict[int, int]:
         """Last counter by CAN identifier, -1 before the first frame."""
-        return {stream.can_id: stream.counter for stream in self._streams.values()}
+        return {int(stream.can_id): int(stream.counter) for stream in self._streams.values()}
 
     def remember(self) -> tuple[int, ...]:
         """Return all that the next batch depends on besides its messages: the counters."""
-        return tuple(stream.counter for stream in self._streams.values())
+        return tuple(int(stream.counter) for stream in self._streams.values())
 
     def recall(self, counters: tuple[int, ...]) -> None:
         """Go on from what `remember` returned."""
@@ -118,6 +99,7 @@ class DecoderMemory(NamedTuple):
     counts: ReceptionCounts
 
 
+@final
 class Decoder:
     """Batches to messages of one sender; nothing that fails protection or range comes through."""
 
@@ -125,41 +107,36 @@ class Decoder:
                  "reordered", "repeated", "unknown")  # fmt: skip
 
     def __init__(self, sender: str) -> None:
-        self._streams = {
-            can_id: _Stream(codec)
-            for can_id, codec in _CODECS.items()
-            if codec.layout.sender == sender
-        }
-        self._once = tuple(
-            stream
-            for can_id, stream in self._streams.items()
-            if _CODECS[can_id].layout.per_tick == 1
-        )
-        self.ok = self.corrupted = self.repeated = self.reordered = 0
-        self.lost = self.out_of_range = self.unknown = self.incomplete = 0
+        self._streams: list[Stream[Any]] = [make() for make in _SENDERS[sender].values()]
+        self._once = [s for s in self._streams if LAYOUTS[s.can_id].per_tick == 1]
+        self.ok: i64 = 0
+        self.corrupted: i64 = 0
+        self.repeated: i64 = 0
+        self.reordered: i64 = 0
+        self.lost: i64 = 0
+        self.out_of_range: i64 = 0
+        self.unknown: i64 = 0
+        self.incomplete: i64 = 0
 
-    def decode(self, batch: bytes) -> list[Any]:
+    def decode(self, batch: bytes) -> list[Message]:
         """Decode a batch into the messages that may be acted on, in the order of arrival."""
-        decoded = []
-        if len(batch) % FRAME.size:  # not from our encoder; what is whole in it is protected
+        decoded: list[Message] = []
+        size: i64 = len(batch)
+        if size % FRAME_SIZE:  # not from our encoder; what is whole in it is protected
             self.incomplete += 1
-            batch = batch[: len(batch) - len(batch) % FRAME.size]
-        find = self._streams.get
-        for can_id, word in iter_frames(batch):
-            stream = find(can_id)
-            if stream is None:
+            size -= size % FRAME_SIZE
+        at: i64 = 0
+        while at < size:
+            can_id, word = read_i16_le(batch, at), read_i64_le(batch, at + 2)
+            at += FRAME_SIZE
+            for stream in self._streams:
+                if stream.can_id == can_id:
+                    break
+            else:
                 self.unknown += 1
                 continue
-            counter = stream.counter + 1 & 0xF
-            bare = word ^ stream.marks[counter]
-            if bare == stream.bare:
-                stream.counter = counter
-            else:
-                message = stream.unpack(bare)
-                if message is not DAMAGED:
-                    stream.counter, stream.bare, stream.message = counter, bare, message
-                elif not self._comes_out_of_turn(stream, word):
-                    continue
+            if not stream.receive(word) and not self._comes_out_of_turn(stream, word):
+                continue
             if stream.message is None:
                 self.out_of_range += 1
             else:
@@ -167,20 +144,19 @@ class Decoder:
         self.ok += len(decoded)
         return decoded
 
-    def _comes_out_of_turn(self, stream: _Stream, word: int) -> bool:
+    def _comes_out_of_turn(self, stream: Stream[Any], word: i64) -> bool:
         """Take a frame that is not right with the next counter: damaged, or with another one."""
         counter = word >> 8 & 0xF
         bare = word ^ stream.marks[counter]
-        message = stream.unpack(bare)
-        if message is DAMAGED:
+        if crc8(bare) != bare & 0xFFF:
             self.corrupted += 1
             return False
         if not self._may_follow(stream, counter):
             return False
-        stream.counter, stream.bare, stream.message = counter, bare, message
+        stream.take(counter, bare)
         return True
 
-    def _may_follow(self, stream: _Stream, counter: int) -> bool:
+    def _may_follow(self, stream: Stream[Any], counter: i64) -> bool:
         """Judge a counter that is not the next one: accept after a loss, refuse what is old."""
         if stream.counter < 0:
             return True
@@ -201,19 +177,23 @@ class Decoder:
 
     def forget_counters(self) -> None:
         """Accept any counter next: after a silence the sender may have been restarted."""
-        for stream in self._streams.values():
+        for stream in self._streams:
             stream.counter = -1
 
     def remember(self) -> DecoderMemory:
         """Return all that decoding the next batch depends on."""
-        streams = tuple((stream.counter, stream.bare) for stream in self._streams.values())
+        streams = tuple([
+            (int(stream.counter), -1 if stream.bare == -1 else unsigned(stream.bare))
+            for stream in self._streams
+        ])  # fmt: skip
         return DecoderMemory(streams, self.counts())
 
     def recall(self, memory: DecoderMemory) -> None:
         """Go on from what `remember` returned."""
-        for stream, (counter, bare) in zip(self._streams.values(), memory.streams, strict=True):
-            stream.counter, stream.bare = counter, bare
-            stream.message = None if bare < 0 else stream.unpack(bare)
+        for stream, (counter, bare) in zip(self._streams, memory.streams, strict=True):
+            stream.counter, stream.bare, stream.message = counter, -1, None
+            if bare >= 0:
+                stream.take(counter, signed(bare))
         for name, count in memory.counts._asdict().items():
             setattr(self, name, count)
 

@@ -7,12 +7,14 @@ four look-ups instead of eight.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final, NamedTuple
+
+from mypy_extensions import i64
 
 _POLYNOMIAL: Final = 0x2F
 _INITIAL: Final = 0xFF
 _FINAL_XOR: Final = 0xFF
+_WORDS: Final = 1 << 64
 _COVERED_BYTES: Final = 8  # seven of the frame and the data identifier
 
 COUNTER_MODULO: Final = 16
@@ -63,15 +65,27 @@ _BYTE_7: Final = _BYTES[6]
 _START: Final = _constant()
 
 
-CRC_TABLES: Final = {"P12": _PAIR_1_2, "P34": _PAIR_3_4, "P56": _PAIR_5_6, "B7": _BYTE_7}
-CRC_SOURCE: Final = (
-    "P12[word >> 8 & 0xFFFF] ^ P34[word >> 24 & 0xFFFF] ^ P56[word >> 40 & 0xFFFF] ^ B7[word >> 56]"
-)
-"""What bits 8 to 63 of `word` contribute to its CRC; the codec writes it into its functions."""
+def signed(word: int) -> int:
+    """Return the 64 bits of a word as the number in two's complement that machine code has."""
+    return word - _WORDS if word >> 63 else word
 
-_SCOPE: dict[str, Callable[[int], int]] = {}
-exec(f"def crc_of(word): return {CRC_SOURCE}", {**CRC_TABLES}, _SCOPE)
-crc_of: Final = _SCOPE["crc_of"]
+
+def unsigned(word: int) -> int:
+    """Return the 64 bits of a word as a number from nought."""
+    return word & _WORDS - 1
+
+
+def crc8(word: i64) -> i64:
+    """What bits 8 to 63 of a signed word contribute to its CRC."""
+    return (
+        _PAIR_1_2[word >> 8 & 0xFFFF] ^ _PAIR_3_4[word >> 24 & 0xFFFF]
+        ^ _PAIR_5_6[word >> 40 & 0xFFFF] ^ _BYTE_7[word >> 56 & 0xFF]
+    )  # fmt: skip
+
+
+def crc_of(word: int) -> int:
+    """What bits 8 to 63 of a word contribute to its CRC."""
+    return crc8(signed(word))
 
 
 def counter_marks(data_ids: bytes) -> tuple[int, ...]:

@@ -6,9 +6,13 @@ AUTOSAR E2E profile 2, then at most 52 bits of signals in the order of their dec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import ast
+import sys
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from hil import compiled
 
 PAYLOAD_START_BIT = 12
 PAYLOAD_BITS = 52
@@ -108,10 +112,19 @@ def most_of(message: type, field: str) -> float:
     return float(signal.raw_range[1] * signal.scale)
 
 
+def refusal(message: object, field: str) -> str:
+    """Say what is wrong with a value: message, signal, value (an integer as one) and range."""
+    layout = layout_of(type(message))
+    signal = next(p.signal for p in layout.fields if p.name == field)
+    low, high = (raw * signal.scale for raw in signal.raw_range)
+    accepted = f"accepted {low:.10g} to {high:.10g} {signal.unit}".rstrip()
+    return f"{layout.name}.{field} = {getattr(message, field)!r}: {accepted}"
+
+
 def message(
     can_id: int, *, sender: str, receiver: str, per_tick: int = 1
 ) -> Callable[[MessageT], MessageT]:
-    """Declare a NamedTuple with `Annotated[..., Signal(...)]` fields as a wire message.
+    """Declare a value whose `__init__` takes `Annotated[..., Signal(...)]` as a wire message.
 
     `per_tick` is how many frames of it one tick carries at the most; bus load is computed from it.
     """
@@ -119,17 +132,11 @@ def message(
     def register(cls: MessageT) -> MessageT:
         if can_id in LAYOUTS:
             raise ValueError(f"{cls.__name__}: CAN id {can_id:#x} is {LAYOUTS[can_id].name}'s")
-        comment, field_comments = _comments(cls)
+        hints, doc = _declared(cls)
+        comment, field_comments = _comments(doc, hints)
+        placed = _place(cls.__name__, hints)
         layout = Layout(
-            cls.__name__,
-            can_id,
-            sender,
-            receiver,
-            per_tick,
-            _place(cls),
-            comment,
-            field_comments,
-            cls,
+            cls.__name__, can_id, sender, receiver, per_tick, placed, comment, field_comments, cls
         )
         LAYOUTS[can_id] = _BY_CLASS[cls] = layout
         return cls
@@ -137,14 +144,26 @@ def message(
     return register
 
 
-def _place(cls: type) -> tuple[Placed, ...]:
+def _declared(cls: type) -> tuple[dict[str, Any], str]:
+    """Hints of what `__init__` takes, and the docstring."""
+    if not compiled.is_compiled(cls.__module__):
+        hints = get_type_hints(vars(cls).get("__init__", cls), include_extras=True)
+        return {name: hint for name, hint in hints.items() if name != "return"}, cls.__doc__ or ""
+    source, scope = compiled.class_source(cls), vars(sys.modules[cls.__module__])
+    made = next(node for node in source.body if isinstance(node, ast.FunctionDef))
+    hints = {arg.arg: arg.annotation for arg in made.args.args if arg.annotation is not None}
+    doc = ast.get_docstring(source) or ""
+    return {name: eval(ast.unparse(hint), scope) for name, hint in hints.items()}, doc
+
+
+def _place(owner: str, hints: Mapping[str, Any]) -> tuple[Placed, ...]:
     """Lay the signals out from bit 12; those under a selector share one place."""
     placed: list[Placed] = []
     next_bit = PAYLOAD_START_BIT
     shared_start: int | None = None
-    for name, hint in get_type_hints(cls, include_extras=True).items():
+    for name, hint in hints.items():
         if get_origin(hint) is not Annotated:
-            raise TypeError(f"{cls.__name__}.{name} has no Signal")
+            raise TypeError(f"{owner}.{name} has no Signal")
         base, signal = get_args(hint)[:2]
         if signal.only_when is not None:
             shared_start = next_bit if shared_start is None else shared_start
@@ -154,19 +173,19 @@ def _place(cls: type) -> tuple[Placed, ...]:
         placed.append(Placed(name, signal, start, base is float))
         next_bit = max(next_bit, start + signal.bits)
     if next_bit > PAYLOAD_START_BIT + PAYLOAD_BITS:
-        raise ValueError(f"{cls.__name__} needs {next_bit - PAYLOAD_START_BIT} bits of 52")
+        raise ValueError(f"{owner} needs {next_bit - PAYLOAD_START_BIT} bits of 52")
     return tuple(placed)
 
 
-def _comments(cls: type) -> tuple[str, dict[str, str]]:
+def _comments(doc: str, names: Container[str]) -> tuple[str, dict[str, str]]:
     """Split a docstring into its first paragraph and its `name: text` lines."""
-    lines = [line.strip() for line in (cls.__doc__ or "").splitlines()]
+    lines = [line.strip() for line in doc.splitlines()]
     fields: dict[str, str] = {}
     head: list[str] = []
     current = ""
     for line in lines:
         name, colon, text = line.partition(": ")
-        if colon and name in cls.__annotations__:
+        if colon and name in names:
             current = name
             fields[name] = text
         elif current and line:

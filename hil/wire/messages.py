@@ -1,6 +1,7 @@
 """Every message on the wire, declared once.
 
-The codec (hil/wire/codec.py), the DBC file (hil/wire/fpeg.dbc) and the table in docs/messages.md
+A message is a value; the `Signal` of each field stands where `__init__` takes it. The straight code
+that packs it (hil/wire/frames), the DBC file (hil/wire/fpeg.dbc) and the table in docs/messages.md
 all follow from this module; `python -m bench.dev.generate --check` fails when one has drifted.
 A tick carries at most six frames in both directions together (docs/messages.md, bus load).
 """
@@ -9,8 +10,11 @@ from __future__ import annotations
 
 from enum import IntEnum
 from typing import Annotated as A
-from typing import Final, NamedTuple
+from typing import Final, final
 
+from mypy_extensions import i64
+
+from hil.values import Value
 from hil.wire.fields import Signal, message
 
 MACHINE_MODES: Final = {0: "off", 1: "motor", 2: "generator"}
@@ -57,8 +61,8 @@ PULSE_CLOCK_US: Final = 1 << 20
 """Openings are given in plant microseconds modulo this (20 bits)."""
 
 
-@message(0x100, sender="plant", receiver="controller")
-class PlantTick(NamedTuple):
+@final
+class PlantTick(Value):
     """First frame of the plant's tick: which tick, how many frames, and one slow signal.
 
     tick: the plant's tick, the only clock on the wire
@@ -69,16 +73,30 @@ class PlantTick(NamedTuple):
     p_right_pa: pressure in the right cylinder; nan if not carried
     """
 
-    tick: A[int, Signal("u32")]
-    frame_count: A[int, Signal("u3", minimum=1)]
-    slow: A[int, Signal("u2", values=SLOW_SIGNALS, selects=True)]
-    electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=ELECTRIC_POWER)]
-    p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_LEFT)]
-    p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_RIGHT)]
+    __slots__ = ("tick", "frame_count", "slow", "electric_power_w", "p_left_pa", "p_right_pa")
+
+    def __init__(
+        self,
+        tick: A[i64, Signal("u32")],
+        frame_count: A[i64, Signal("u3", minimum=1)],
+        slow: A[i64, Signal("u2", values=SLOW_SIGNALS, selects=True)],
+        electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=ELECTRIC_POWER)],
+        p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_LEFT)],
+        p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_RIGHT)],
+    ) -> None:
+        self.tick = tick
+        self.frame_count = frame_count
+        self.slow = slow
+        self.electric_power_w = electric_power_w
+        self.p_left_pa = p_left_pa
+        self.p_right_pa = p_right_pa
 
 
-@message(0x101, sender="plant", receiver="controller")
-class PistonSample(NamedTuple):
+message(0x100, sender="plant", receiver="controller")(PlantTick)
+
+
+@final
+class PistonSample(Value):
     """Piston motion at the start of the tick; +x points to the right head.
 
     x_m: position from mid-stroke
@@ -87,13 +105,24 @@ class PistonSample(NamedTuple):
         bears; 15 when it is in its safe state
     """
 
-    x_m: A[float, Signal("i24", scale=1e-8, unit="m", minimum=-0.08, maximum=0.08)]
-    v_m_s: A[float, Signal("i24", scale=1e-6, unit="m/s", minimum=-8.0, maximum=8.0)]
-    unheard: A[int, Signal("u4")] = 0
+    __slots__ = ("x_m", "v_m_s", "unheard")
+
+    def __init__(
+        self,
+        x_m: A[float, Signal("i24", scale=1e-8, unit="m", minimum=-0.08, maximum=0.08)],
+        v_m_s: A[float, Signal("i24", scale=1e-6, unit="m/s", minimum=-8.0, maximum=8.0)],
+        unheard: A[int, Signal("u4")] = 0,
+    ) -> None:
+        self.x_m = x_m
+        self.v_m_s = v_m_s
+        self.unheard = unheard
 
 
-@message(0x200, sender="controller", receiver="plant")
-class ControllerTick(NamedTuple):
+message(0x101, sender="plant", receiver="controller")(PistonSample)
+
+
+@final
+class ControllerTick(Value):
     """First frame of the controller's answer: to which sample, how many frames, which mode.
 
     tick: the plant's tick that this answers
@@ -101,13 +130,24 @@ class ControllerTick(NamedTuple):
     mode: operating mode of the engine, for whoever watches the bus
     """
 
-    tick: A[int, Signal("u32")]
-    frame_count: A[int, Signal("u3", minimum=1)]
-    mode: A[int, Signal("u3", values=OPERATING_MODES)]
+    __slots__ = ("tick", "frame_count", "mode")
+
+    def __init__(
+        self,
+        tick: A[i64, Signal("u32")],
+        frame_count: A[i64, Signal("u3", minimum=1)],
+        mode: A[i64, Signal("u3", values=OPERATING_MODES)],
+    ) -> None:
+        self.tick = tick
+        self.frame_count = frame_count
+        self.mode = mode
 
 
-@message(0x201, sender="controller", receiver="plant")
-class MachineCommand(NamedTuple):
+message(0x200, sender="controller", receiver="plant")(ControllerTick)
+
+
+@final
+class MachineCommand(Value):
     """What the linear machine is to do from the next tick on.
 
     mode: off, motor or generator
@@ -116,16 +156,28 @@ class MachineCommand(NamedTuple):
     throttle: opening, 1 is wide open
     """
 
-    mode: A[int, Signal("u2", values=MACHINE_MODES)]
-    force_n: A[float, Signal("i20", scale=0.01, unit="N", minimum=-5000.0, maximum=5000.0)]
-    load_coefficient_n_s_m: A[
-        float, Signal("u20", scale=0.01, unit="N.s/m", minimum=0.0, maximum=10000.0)
-    ]
-    throttle: A[float, Signal("u8", scale=0.004, unit="1", minimum=0.0, maximum=1.0)]
+    __slots__ = ("mode", "force_n", "load_coefficient_n_s_m", "throttle")
+
+    def __init__(
+        self,
+        mode: A[i64, Signal("u2", values=MACHINE_MODES)],
+        force_n: A[float, Signal("i20", scale=0.01, unit="N", minimum=-5000.0, maximum=5000.0)],
+        load_coefficient_n_s_m: A[
+            float, Signal("u20", scale=0.01, unit="N.s/m", minimum=0.0, maximum=10000.0)
+        ],
+        throttle: A[float, Signal("u8", scale=0.004, unit="1", minimum=0.0, maximum=1.0)],
+    ) -> None:
+        self.mode = mode
+        self.force_n = force_n
+        self.load_coefficient_n_s_m = load_coefficient_n_s_m
+        self.throttle = throttle
 
 
-@message(0x202, sender="controller", receiver="plant", per_tick=2)
-class Pulse(NamedTuple):
+message(0x201, sender="controller", receiver="plant")(MachineCommand)
+
+
+@final
+class Pulse(Value):
     """One TTL pulse, ahead of time: the line goes high at the opening and low when it is over.
 
     channel: which TTL line
@@ -133,9 +185,20 @@ class Pulse(NamedTuple):
     duration_us: how long the line stays high; an opening always carries its closing
     """
 
-    channel: A[int, Signal("u4", values=CHANNELS)]
-    open_us: A[int, Signal("u20", unit="us")]
-    duration_us: A[int, Signal("u16", unit="us", minimum=1)]
+    __slots__ = ("channel", "open_us", "duration_us")
+
+    def __init__(
+        self,
+        channel: A[i64, Signal("u4", values=CHANNELS)],
+        open_us: A[i64, Signal("u20", unit="us")],
+        duration_us: A[i64, Signal("u16", unit="us", minimum=1)],
+    ) -> None:
+        self.channel = channel
+        self.open_us = open_us
+        self.duration_us = duration_us
+
+
+message(0x202, sender="controller", receiver="plant", per_tick=2)(Pulse)
 
 
 Message = PlantTick | PistonSample | ControllerTick | MachineCommand | Pulse

@@ -134,7 +134,7 @@ def unwrap_ns(open_us: int, now_ns: int) -> int:
 
 def orders_of(sent: Sequence[messages.Pulse]) -> tuple[PulseOrder, ...]:
     """Return what the pulse frames of an answer order."""
-    return tuple([PulseOrder(channel=c, open_us=t, duration_us=d) for c, t, d in sent])
+    return tuple([PulseOrder(p.channel, p.open_us, p.duration_us) for p in sent])
 
 
 def superseded(older: list[messages.Pulse], newer: list[messages.Pulse]) -> list[messages.Pulse]:

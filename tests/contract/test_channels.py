@@ -118,8 +118,8 @@ def test_a_controller_may_be_started_before_the_plant(config):
     controller = open_link("controller", config, LOCKSTEP)
     plant = open_link("plant", config, LOCKSTEP)
     try:
-        controller.link.wait_for_peer(5.0)
         plant.link.wait_for_peer(5.0)
+        controller.link.wait_for_peer(5.0)
     finally:
         plant.close()
         controller.close()

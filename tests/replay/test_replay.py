@@ -12,7 +12,9 @@ from bench.logs.commands import replay as replay_command
 from bench.logs.replay import differences
 from bench.logs.replay.replay import replay_file
 from controller.motion import pi
+from controller.motion.law import Law
 from controller.motion.laws import LAWS
+from controller.motion.laws.cascade import Cascade
 from drivers import links
 from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
@@ -53,19 +55,30 @@ def nudge(value):
     return math.nextafter(value, math.inf)
 
 
+class NudgedCascade(Law):
+    """A cascade that errs once, in its tenth stroke."""
+
+    name = "cascade"
+
+    def __init__(self, config):
+        super().__init__(config)
+        self.right, self.calls = Cascade(config), 0
+
+    def initial(self):
+        return self.right.initial()
+
+    def step(self, state, view):
+        state, demand = self.right.step(state, view)
+        self.calls += 1
+        if self.calls == 10:
+            demand = replace(demand, fuel_kg=nudge(demand.fuel_kg))
+        return state, demand
+
+
 def test_one_ulp_in_a_law_is_found_in_the_tick_in_which_it_is_worked_out(
     run_directory, monkeypatch
 ):
-    calls = 0
-    original = LAWS["cascade"]
-
-    def nudged(*arguments):
-        nonlocal calls
-        state, demand = original.step(*arguments)
-        calls += 1
-        return state, (replace(demand, fuel_kg=nudge(demand.fuel_kg)) if calls == 10 else demand)
-
-    monkeypatch.setitem(LAWS, "cascade", replace(original, step=nudged))
+    monkeypatch.setitem(LAWS, "cascade", NudgedCascade)
     outcome = replayed(run_directory / "controller.mcap")
     with hil.log.open(run_directory / "controller.mcap") as log:
         demand = log.array("/demand")[9]

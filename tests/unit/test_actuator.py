@@ -35,23 +35,23 @@ def test_pulse_is_sent_again_until_it_has_closed():
     planned = (pulse(0, 5, 3), None)
     sent, pulses = [], ()
     for tick in range(12):
-        pulses = still_open(pulses, planned if tick == 2 else NONE, tick * MS)
+        pulses = still_open(pulses, *(planned if tick == 2 else NONE), tick * MS)
         sent.append(len(pulses))
     assert sent == [0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0]
 
 
 def test_newly_planned_pulse_replaces_that_of_its_channel_only():
     injection, spark, later = pulse(1, 5, 3), pulse(3, 9), pulse(3, 9.2)
-    pulses = still_open((injection, spark), (None, later), 4 * MS)
+    pulses = still_open((injection, spark), None, later, 4 * MS)
     assert pulses == (injection, later)
 
 
 def test_pulses_go_out_in_the_order_of_their_openings():
-    assert still_open((), (pulse(1, 5), pulse(3, 4)), 0) == (pulse(3, 4), pulse(1, 5))
+    assert still_open((), pulse(1, 5), pulse(3, 4), 0) == (pulse(3, 4), pulse(1, 5))
 
 
 def test_an_idle_tick_makes_nothing_new():
-    assert still_open((), NONE, 0) == ()
+    assert still_open((), None, None, 0) == ()
 
 
 @pytest.mark.parametrize("count", range(5))

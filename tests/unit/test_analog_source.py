@@ -61,9 +61,9 @@ def test_voltages_become_the_frames_that_the_plant_would_send():
     source = AnalogSource(scenario().inputs, device)
     assert device.asked == ("iio:device0", [4, 2, 0])
     head, sample = Decoder("plant").decode(source.measure(7))
-    assert head[:3] == (7, 2, 0)
+    assert (head.tick, head.frame_count, head.slow) == (7, 2, 0)
     assert head.electric_power_w == pytest.approx(800.0)
-    assert sample == pytest.approx((0.005, 2.0, 0))
+    assert (sample.x_m, sample.v_m_s) == pytest.approx((0.005, 2.0))
     source.close()
     assert device.closed
 

@@ -5,12 +5,13 @@ import math
 
 import pytest
 
-from controller.actuator import Machine
+from controller.actuator import Machine, messages
 from controller.build import initial_state, make_params
 from controller.mode.start_restart import Mode
 from controller.state import Inputs
 from controller.step import step
 from hil.config.controller import ControllerConfig
+from hil.values import replace
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import GENERATOR, OFF, PistonSample
@@ -74,9 +75,10 @@ def test_every_answer_can_be_encoded_and_names_its_tick():
     _, outputs = run(p, initial_state(p), range(120))
     encoder, decoder = Encoder(), Decoder("controller")
     for tick, output in enumerate(outputs):
-        head, *rest = decoder.decode(encoder.encode(output.messages))
+        sent = messages(tick, output.mode, output.machine, output.throttle, output.pulses)
+        head, *rest = decoder.decode(encoder.encode(sent))
         assert head.tick == tick
-        assert head.frame_count == 1 + len(rest) == len(output.messages)
+        assert head.frame_count == 1 + len(rest) == len(sent)
 
 
 def test_settled_engine_reports_every_stroke_once():
@@ -171,7 +173,7 @@ def failing(tick, fails_at):
     """A stroke that begins with an unburnt charge: the piston hardly leaves its dead centre."""
     sample = swing(tick)
     half = 1e3 * math.pi / OMEGA
-    return sample._replace(v_m_s=0.15 * sample.v_m_s) if fails_at <= tick / half else sample
+    return replace(sample, v_m_s=0.15 * sample.v_m_s) if fails_at <= tick / half else sample
 
 
 def test_charge_that_did_not_burn_is_seen_a_quarter_of_a_stroke_later():

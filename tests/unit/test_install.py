@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from drivers.zenoh.sockets import SERVICES
 from hil import compiled
 
 SYSTEMD = Path(__file__).resolve().parents[2] / "systemd"
@@ -129,3 +132,31 @@ def test_the_installed_configuration_is_accepted() -> None:
     scenario = read(path)
     assert not scenario.controller.running
     assert scenario.link.bus == "socketcan:vcan0"
+
+
+EXPOSED_MOST = 2.0
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+@pytest.mark.parametrize("unit", ["can", "plant", "controller", "recorder@"])
+def test_every_unit_is_hardened(installed: Path, tmp_path: Path, unit: str) -> None:
+    text = (installed / f"etc/systemd/system/fpeg-{unit}.service").read_text()
+    path = tmp_path / f"fpeg-{unit.replace('@', '@1')}.service"
+    path.write_text(text)
+    told = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--no-pager", path],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    exposure = re.search(r"exposure level for .*: ([0-9.]+)", told.stdout)
+    assert exposure is not None, told.stderr
+    assert float(exposure[1]) <= EXPOSED_MOST
+
+
+def test_both_loops_meet_where_only_the_engines_user_and_group_enter(installed: Path) -> None:
+    for side in ("plant", "controller"):
+        unit = (installed / f"etc/systemd/system/fpeg-{side}.service").read_text()
+        assert "install -d -m 0750 -o fpeg -g fpeg /run/fpeg" in unit
+        assert "HIL_RUNTIME_DIRECTORY=/run/fpeg" in unit
+        assert "User=fpeg" in unit
+        assert "DynamicUser" not in unit
+    assert str(SERVICES) == "/run/fpeg"

@@ -10,7 +10,7 @@ from bench.run.resolve import resolve
 from bench.studies import compare_page
 from bench.studies.compare import laws_of
 from controller.knowledge import operating_point
-from controller.motion.law import Demand, Law, View
+from controller.motion.law import NO_TRIM, Demand, Law, View
 from controller.motion.laws import LAWS
 from controller.motion.pi import pi_step
 from controller.observe.estimate import MID_STROKE, Motion
@@ -38,10 +38,10 @@ CLOSED = ["cascade", "single-loop"]
 
 
 def run(name, view, strokes, state=None, config=CONFIG):
-    law = LAWS[name]
-    state, demand = law.initial if state is None else state, None
+    law = LAWS[name](config)
+    state, demand = law.initial() if state is None else state, None
     for _ in range(strokes):
-        state, demand = law.step(config, state, view)
+        state, demand = law.step(state, view)
     return state, demand
 
 
@@ -81,7 +81,7 @@ def test_pi_may_unwind_while_it_is_saturated():
 @pytest.mark.parametrize("name", CLOSED)
 def test_at_the_operating_point_nothing_moves(name):
     state, demand = run(name, STEADY, 20)
-    assert state == LAWS[name].initial
+    assert state == LAWS[name](CONFIG).initial()
     assert demand.fuel_kg == pytest.approx(POINT.fuel_kg, rel=1e-12)
 
 
@@ -142,13 +142,29 @@ def test_open_loop_gives_its_fuel_whatever_happens(fuel_kg):
         assert run("open-loop", view, 3, config=config)[1].fuel_kg == expected
 
 
-def more_fuel(config, state, view):
-    return state + 1, Demand(1.01 * view.point.fuel_kg)
+class MoreFuel(Law):
+    """A law of somebody's own, which counts its strokes and looks at every tick."""
+
+    name = "mine"
+
+    def initial(self):
+        return 0
+
+    def step(self, state, view):
+        return state + 1, Demand(1.01 * view.point.fuel_kg)
+
+    def watch(self, state, view, planned_kg):
+        return state, NO_TRIM
+
+
+def test_a_law_that_watches_is_one_that_says_how():
+    assert MoreFuel(CONFIG).watches
+    assert not LAWS["cascade"](CONFIG).watches
 
 
 def test_a_law_is_a_row_and_nothing_else(monkeypatch):
     """It can be configured, run, taken over to, compared and tuned by its name alone."""
-    monkeypatch.setitem(LAWS, "mine", Law("mine", 0, more_fuel))
+    monkeypatch.setitem(LAWS, "mine", MoreFuel)
     tree = {
         "loop": {"clock": "lockstep"},
         "run": {"duration_s": 0.4},

@@ -12,6 +12,7 @@ from bench.studies.bound import step_bound
 from controller.motion.choice import refusal
 from controller.motion.laws import LAWS
 from hil.config.base import read_toml
+from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
@@ -120,7 +121,7 @@ def test_laws_take_over_from_each_other_without_a_bump(model):
 
 @pytest.mark.parametrize("name", ["cascade", "single-loop", "open-loop", "predictive"])
 def test_laws_that_need_no_ticks_have_no_part_in_them(name):
-    assert LAWS[name].watch is None
+    assert not LAWS[name](ControllerConfig()).watches
 
 
 def test_a_law_that_cannot_work_is_refused_by_name():

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.polling import WakeUp
 from drivers.system.clock import SystemClock
 from hil.errors import ConfigError
 from hil.pacing import LockstepPacer, RealTimePacer, Slot, next_slot
@@ -122,3 +123,17 @@ def test_the_system_clock_is_the_monotonic_one():
 def test_a_spin_out_of_range_is_refused(spin_s):
     with pytest.raises(ConfigError, match=r"realtime\.spin_s = .*accepted 0 to 0\.002 s"):
         SystemClock(spin_s)
+
+
+def test_a_sleep_ends_as_early_as_nineteen_of_twenty_wake_ups_need():
+    wake_up = WakeUp(60_000)
+    for k in range(20_000):  # late by 10 to 40 us, evenly; now and then a stall
+        wake_up.woke(9_000_000 if k % 500 == 0 else 10_000 + k * 7919 % 30_000)
+    assert wake_up.early_ns == pytest.approx(38_500, abs=8_000)
+
+
+def test_no_stall_makes_a_loop_spin_longer_than_it_may():
+    wake_up = WakeUp(30_000)
+    for _ in range(100):
+        wake_up.woke(50_000_000)
+    assert wake_up.early_ns == 30_000

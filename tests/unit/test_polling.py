@@ -21,6 +21,16 @@ def test_after_silence_the_next_slot_is_looked_to():
     assert clock.due_ns == 9 * T
 
 
+def test_what_was_there_already_is_looked_for_sooner_and_in_the_end_learnt_anew():
+    clock = ArrivalClock(T)
+    clock.arrived(1000 * T)
+    clock.overslept()
+    assert 1001 * T < clock.due_ns < 1002 * T
+    for _ in range(4):
+        clock.overslept()
+    assert clock.due_ns == 0
+
+
 def test_waiting_ends_with_the_batch_or_in_time():
     batches = [None, None, b"a"]
     for polling in (LockstepPolling(take_of(batches)), RealTimePolling(take_of(batches), T)):

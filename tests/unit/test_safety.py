@@ -11,7 +11,7 @@ from hil.config.controller import LimitsConfig
 from hil.values import replace
 from hil.wire.messages import GENERATOR, MOTOR
 
-LIMITS = LimitsConfig(force_n=4000.0)
+LIMITS = safety.Limits(LimitsConfig(force_n=4000.0))
 
 
 @pytest.mark.parametrize(

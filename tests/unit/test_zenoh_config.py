@@ -15,11 +15,16 @@ from drivers.zenoh.config import (
 from hil.config.process import TlsConfig, ZenohConfig
 from hil.errors import ConfigError
 
-PLAIN = ZenohConfig()
+ENDS = {
+    "plant_endpoint": "unixsock-stream//run/fpeg/fpeg-plant.sock",
+    "controller_endpoint": "unixsock-stream//run/fpeg/fpeg-controller.sock",
+}
+PLAIN = ZenohConfig(**ENDS)
 TLS = ZenohConfig(
+    **ENDS,
     tls=TlsConfig(
         root_ca_certificate="/pki/ca.pem", certificate="/pki/me.pem", private_key="/pki/me.key"
-    )
+    ),
 )
 KEY = "link.zenoh.plant_endpoint"
 
@@ -99,8 +104,8 @@ def test_every_loopback_address_is_accepted(address, port):
 )  # fmt: skip
 def test_an_open_endpoint_is_refused_with_one_line_and_allowed_by_name(endpoint):
     with pytest.raises(ConfigError, match=r"plant_endpoint = .* leaves this machine unprotected"):
-        check_endpoints(ZenohConfig(plant_endpoint=endpoint))
-    config = ZenohConfig(plant_endpoint=endpoint, allow_insecure=True)
+        check_endpoints(ZenohConfig(**(ENDS | {"plant_endpoint": endpoint})))
+    config = ZenohConfig(**(ENDS | {"plant_endpoint": endpoint}), allow_insecure=True)
     assert check_endpoints(config)[0] == ("tcp", False)
 
 
@@ -125,8 +130,9 @@ def test_a_refusal_is_one_line_that_names_the_key(endpoint):
 
 
 def test_the_controllers_endpoint_is_checked_as_well():
+    config = PLAIN.model_copy(update={"controller_endpoint": "tcp/0.0.0.0:1"})
     with pytest.raises(ConfigError, match=r"link\.zenoh\.controller_endpoint = 'tcp/0\.0\.0\.0:1'"):
-        session_config("plant", ZenohConfig(controller_endpoint="tcp/0.0.0.0:1"), lockstep=True)
+        session_config("plant", config, lockstep=True)
 
 
 def test_tls_without_certificates_is_refused_even_on_loopback():
@@ -141,7 +147,7 @@ def test_certificates_do_not_protect_an_endpoint_that_is_not_tls():
 
 def test_both_processes_on_one_endpoint_are_refused():
     with pytest.raises(ConfigError, match="anything but the plant's endpoint"):
-        check_endpoints(ZenohConfig(controller_endpoint=PLAIN.plant_endpoint))
+        check_endpoints(PLAIN.model_copy(update={"controller_endpoint": PLAIN.plant_endpoint}))
 
 
 @pytest.mark.parametrize("role", ["plant", "controller", "bench"])
@@ -156,13 +162,13 @@ def test_no_session_scouts_or_opens_anything_but_its_endpoints(role, lockstep):
         "controller": ([controller], [plant]),
         "bench": ([], [plant, controller]),
     }[role]
-    assert tree["transport"]["link"]["protocols"] == ["tcp"]
+    assert tree["transport"]["link"]["protocols"] == ["unixsock-stream"]
 
 
 def test_a_tls_session_shows_its_certificate_and_demands_the_others():
     config = TLS.model_copy(update={"plant_endpoint": "tls/10.0.0.5:7447"})
     link = session_config("controller", config, lockstep=False)["transport"]["link"]
-    assert link["protocols"] == ["tcp", "tls"]
+    assert link["protocols"] == ["tls", "unixsock-stream"]
     assert link["tls"] == {
         "root_ca_certificate": "/pki/ca.pem",
         "listen_certificate": "/pki/me.pem",

@@ -15,7 +15,7 @@ from hil.log import Log, Span, topics
 from hil.log.part import ALWAYS, TopicInfo
 from hil.log.records import MESSAGE, MESSAGE_HEAD, PAYLOAD_OFFSET
 
-FOREIGN_EVENTS: Final = ("real-time", "log-", "can-")
+FOREIGN_EVENTS: Final = ("real-time", "log-", "can-", "starter-")
 """How events begin that the process, its recorder or its bus add between the turns."""
 
 _NAMES: Final = {topic.name: topic.channel_id for topic in topics.ALL}

@@ -8,13 +8,16 @@ is set as if that load held throughout, so that the machine's part dies out as t
 
 from __future__ import annotations
 
-from typing import Final, final
+from typing import ClassVar, Final, final
+
+from mypy_extensions import i64
 
 from controller.motion import load_estimate
 from controller.motion.charge import (
     AS_BELIEVED,
     UNALIGNED,
     Charge,
+    Learning,
     align,
     first_fuel,
     foresee,
@@ -22,9 +25,14 @@ from controller.motion.charge import (
 )
 from controller.motion.deadbeat import fuel_after
 from controller.motion.law import Demand, Law, Trim, View
-from controller.motion.load_estimate import AS_COMMANDED, UNKNOWN, LoadEstimate
-from hil.config.controller import ControllerConfig, LearningConfig, MachineLawConfig
-from hil.values import Value, replace
+from controller.motion.load_estimate import (
+    AS_COMMANDED,
+    UNKNOWN,
+    LoadEstimate,
+    LoadEstimation,
+)
+from hil.config.controller import ControllerConfig
+from hil.values import Value
 
 _STEP: Final = 0.03
 
@@ -40,7 +48,7 @@ class Work(Value):
     __slots__ = ("start_m", "begun_ns", "scale_then", "braked", "swept")
 
     def __init__(
-        self, start_m: float = 0.0, begun_ns: int = -1, scale_then: float = 0.0,
+        self, start_m: float = 0.0, begun_ns: i64 = -1, scale_then: float = 0.0,
         braked: float = 0.0, swept: float = 0.0,
     ) -> None:  # fmt: skip
         self.start_m = start_m
@@ -80,70 +88,99 @@ class MachineState(Value):
         self.fuel_for_n_s_m = fuel_for_n_s_m
 
 
-def step(config: ControllerConfig, state: MachineState, view: View) -> tuple[MachineState, Demand]:
-    """The steady fuel for the load, until the watch trims it in the same tick."""
-    demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
-    return replace(state, fuel_for_n_s_m=0.0), demand
+@final
+class MachineLaw(Law[MachineState]):
+    """Fuel and braking, in every tick."""
+
+    name: ClassVar[str] = "machine"
+    parameters: ClassVar[tuple[str, ...]] = (
+        "machine.gain", "machine.begin_s", "machine.release_s",
+    )  # fmt: skip
+    needs_map: ClassVar[bool] = True
+    needs_fit: ClassVar[bool] = True
+
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.learning = Learning(config.learning)
+        self.estimation = LoadEstimation(config.load_estimate)
+        self.gain, self.least, self.most = (
+            config.machine.gain, config.machine.least, config.machine.most,
+        )  # fmt: skip
+        self.begin_s, self.release_s = config.machine.begin_s, config.machine.release_s
+
+    def initial(self) -> MachineState:
+        """Load and charge as commanded."""
+        return MachineState()
+
+    def step(self, state: MachineState, view: View) -> tuple[MachineState, Demand]:
+        """The steady fuel for the load, until the watch trims it in the same tick."""
+        demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
+        after = MachineState(
+            state.load, state.charge, state.ordered_n_s_m, state.before_n_s_m, state.work
+        )
+        return after, demand
+
+    def watch(
+        self, state: MachineState, view: View, planned_kg: float
+    ) -> tuple[MachineState, Trim]:
+        """Measure the load, order the braking, trim the fuel; learn at the dead centre."""
+        base, v = view.load_n_s_m, view.motion.v_m_s
+        acting, load = state.before_n_s_m or base, state.load
+        if view.power_w == view.power_w:
+            load = load_estimate.update(self.estimation, load, view.power_w, v, acting)
+        before, learnt = state.ordered_n_s_m or base, state.charge
+        if view.passed.dead_centre:
+            learnt = _learnt(self.learning, learnt, load, state.work, view)
+            work = Work(view.motion.tdc_m, view.motion.dc_t_ns, load.scale)
+            return MachineState(load, learnt, base, before, work), Trim(load_n_s_m=base)
+        work = state.work.after(acting * load.scale, v)
+        order, end_m = self._braking(state, load, view)
+        c, fuel_for, trim = base * load.scale, state.fuel_for_n_s_m, Trim(None, order)
+        settled = planned_kg == 0.0 or not learnt.known
+        if not settled and abs(c - fuel_for) > self.estimation.retrim * c:
+            fuel_for, trim = c, Trim(fuel_after(view, learnt, c, end_m, planned_kg), order)
+        return MachineState(load, learnt, order, before, work, fuel_for), trim
+
+    def _braking(self, state: MachineState, load: LoadEstimate, view: View) -> tuple[float, float]:
+        """The load to order, and where the stroke ends with it; free before the limits bind."""
+        motion, base, scale = view.motion, view.load_n_s_m, max(load.scale, 0.05)
+        q = state.charge.effective_kg(view, motion.side)
+        if q <= 0.0 or not state.work.start_m:
+            return base, view.tdc_ref_m
+        free = base * scale
+        c0 = min(max(state.ordered_n_s_m * scale, 0.2 * free), 5.0 * free)
+        believed = state.charge.map_of(view)
+        end0, left_s = believed.travel(q, c0, motion.z_m, motion.speed_m_s, motion.tau_s)
+        # What was wrong from mid-stroke on last time is wrong in proportion to the way left.
+        wrong_m = state.charge.ahead_m * min(2.0 * left_s / believed.stroke_s, 1.0)
+        end0 += wrong_m
+        if left_s < self.release_s or motion.tau_s < self.begin_s:
+            return base, end0
+        c1 = c0 * (1.0 + _STEP)
+        end1, _ = believed.travel(q, c1, motion.z_m, motion.speed_m_s, motion.tau_s)
+        slope = (end1 + wrong_m - end0) / (c0 * _STEP)
+        if slope >= -1e-12:
+            return base, end0
+        wanted = c0 + self.gain * (view.tdc_ref_m - end0) / slope
+        c = min(max(wanted, self.least * base), self.most * base)
+        return min(c / scale, self.most * base), end0 + slope * (c - c0)
+
+    def taken_over(self, view: View) -> MachineState:
+        """It knows nothing of the load yet, and aligns the shares with the fuel in force."""
+        return MachineState(UNKNOWN, UNALIGNED)
+
+    def restarted(self, state: MachineState) -> MachineState:
+        """Keep what was learnt; the stroke under way teaches nothing."""
+        return MachineState(state.load, state.charge)
 
 
-def watch(
-    config: ControllerConfig, state: MachineState, view: View, planned_kg: float
-) -> tuple[MachineState, Trim]:
-    """Measure the load, order the braking, trim the fuel; learn at the dead centre."""
-    base, v = view.load_n_s_m, view.motion.v_m_s
-    acting, load = state.before_n_s_m or base, state.load
-    if view.power_w == view.power_w:
-        load = load_estimate.update(config.load_estimate, load, view.power_w, v, acting)
-    before, learnt = state.ordered_n_s_m or base, state.charge
-    if view.passed.dead_centre:
-        learnt = _learnt(config.learning, learnt, load, state.work, view)
-        work = Work(view.motion.tdc_m, view.motion.dc_t_ns, load.scale)
-        return MachineState(load, learnt, base, before, work), Trim(load_n_s_m=base)
-    work = state.work.after(acting * load.scale, v)
-    order, end_m = _braking(config.machine, state, load, view)
-    c, fuel_for, fuel_kg = base * load.scale, state.fuel_for_n_s_m, None
-    settled = planned_kg == 0.0 or not learnt.known
-    if not settled and abs(c - fuel_for) > config.load_estimate.retrim * c:
-        fuel_for, fuel_kg = c, fuel_after(view, learnt, c, end_m, planned_kg)
-    return MachineState(load, learnt, order, before, work, fuel_for), Trim(fuel_kg, order)
-
-
-def _braking(
-    config: MachineLawConfig, state: MachineState, load: LoadEstimate, view: View
-) -> tuple[float, float]:
-    """The load to order, and where the stroke ends with it; free before the limits bind."""
-    motion, base, scale = view.motion, view.load_n_s_m, max(load.scale, 0.05)
-    q = state.charge.effective_kg(view, motion.side)
-    if q <= 0.0 or not state.work.start_m:
-        return base, view.tdc_ref_m
-    free = base * scale
-    c0 = min(max(state.ordered_n_s_m * scale, 0.2 * free), 5.0 * free)
-    believed = state.charge.map_of(view)
-    end0, left_s = believed.travel(q, c0, motion.z_m, motion.speed_m_s, motion.tau_s)
-    # What was wrong from mid-stroke on last time is wrong in proportion to the way that is left.
-    wrong_m = state.charge.ahead_m * min(2.0 * left_s / believed.stroke_s, 1.0)
-    end0 += wrong_m
-    if left_s < config.release_s or motion.tau_s < config.begin_s:
-        return base, end0
-    c1 = c0 * (1.0 + _STEP)
-    end1, _ = believed.travel(q, c1, motion.z_m, motion.speed_m_s, motion.tau_s)
-    slope = (end1 + wrong_m - end0) / (c0 * _STEP)
-    if slope >= -1e-12:
-        return base, end0
-    wanted = c0 + config.gain * (view.tdc_ref_m - end0) / slope
-    c = min(max(wanted, config.least * base), config.most * base)
-    return min(c / scale, config.most * base), end0 + slope * (c - c0)
-
-
-def _learnt(
-    config: LearningConfig, learnt: Charge, load: LoadEstimate, work: Work, view: View
-) -> Charge:
+def _learnt(config: Learning, learnt: Charge, load: LoadEstimate, work: Work, view: View) -> Charge:
     """At the dead centre: learn from the braking that the stroke behind has needed."""
     if not learnt.known:
         c = view.load_n_s_m * load.scale
         return align(config, learnt, view, c) if load.is_sure else learnt
     fired = 1 - view.motion.side
-    if work.start_m <= 0.0 or work.swept <= 0.0 or view.burnt_kg[fired] <= 0.0:
+    if work.start_m <= 0.0 or work.swept <= 0.0 or view.burnt_at(fired) <= 0.0:
         return learnt
     if abs(load.scale - work.scale_then) > config.load_change * load.scale:
         return learnt
@@ -151,17 +188,3 @@ def _learnt(
     q = learnt.effective_kg(view, fired)
     forecast = foresee(learnt.map_of(view), q, c, work.start_m, work.begun_ns)
     return learn(config, learnt, view, forecast, c)
-
-
-def after_restart(state: MachineState) -> MachineState:
-    """Keep what was learnt; the stroke under way teaches nothing."""
-    return MachineState(state.load, state.charge)
-
-
-LAW = Law(
-    "machine", MachineState(), step, watch,
-    parameters=("machine.gain", "machine.begin_s", "machine.release_s"),
-    # Knows nothing of the load yet, and aligns the shares with the fuel in force.
-    take_over=lambda config, view: MachineState(UNKNOWN, UNALIGNED),
-    after_restart=after_restart, needs_map=True, needs_fit=True,
-)  # fmt: skip

@@ -10,7 +10,7 @@ chapter 2). The fuel is deadbeat, and trimmed until it has flowed.
 
 from __future__ import annotations
 
-from typing import Final, final
+from typing import ClassVar, Final, final
 
 from controller.motion.charge import (
     AS_BELIEVED,
@@ -18,6 +18,7 @@ from controller.motion.charge import (
     UNALIGNED,
     Charge,
     Forecast,
+    Learning,
     first_fuel,
     is_near,
 )
@@ -98,68 +99,112 @@ class ObserverState(Value):
         self.fuel_for_m = fuel_for_m
 
 
-def step(
-    config: ControllerConfig, state: ObserverState, view: View
-) -> tuple[ObserverState, Demand]:
-    """The steady fuel, until the watch trims it in the same tick."""
-    demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
-    return replace(state, fuel_for_n_s_m=0.0), demand
+@final
+class Filter:
+    """Section `observer` of the configuration, read once for all ticks."""
+
+    def __init__(self, config: ObserverConfig) -> None:
+        self.drift_n_s_m = config.drift_n_s_m
+        self.drift_m_s = config.drift_m_s
+        self.slowest_m_s = config.slowest_m_s
+        self.charge_spread = config.charge_spread
+        self.load_jump = config.load_jump
+        self.gate = config.gate
+        self.step_min_m_s = config.step_min_m_s
+        self.noise_floor_m_s = config.noise_floor_m_s
+        self.noise_gain = config.noise_gain
 
 
-def watch(
-    config: ControllerConfig, state: ObserverState, view: View, planned_kg: float
-) -> tuple[ObserverState, Trim]:
-    """Follow the motion by one tick; at the dead centre begin anew; trim the fuel."""
-    if view.passed.dead_centre:
-        return _begin(config, state, view), NO_TRIM
-    if not state.begun:
-        return state, NO_TRIM
-    motion, learnt, load = view.motion, state.charge, view.load_n_s_m
-    believed = learnt.map_of(view)
-    now = follow(
-        config.observer, believed, state.estimate, motion.z_m, motion.speed_m_s, motion.tau_s,
-        view.dt_s,
+@final
+class Observer(Law[ObserverState]):
+    """The filter, and the fuel that follows from it, in every tick."""
+
+    name: ClassVar[str] = "observer"
+    parameters: ClassVar[tuple[str, ...]] = (
+        "observer.drift_n_s_m", "observer.charge_spread", "observer.load_jump", "observer.gate",
     )  # fmt: skip
-    if not _LEAST * load < now.c < _MOST * load:
-        now = replace(now, c=load, p=Covariance(qq=now.p.qq))
-    fuel_for_c, fuel_for_m, trim = state.fuel_for_n_s_m, state.fuel_for_m, NO_TRIM
-    if planned_kg != 0.0 and learnt.known:
-        end_m, _ = believed.travel(now.q, now.c, motion.z_m, now.v, motion.tau_s)
-        same_load = abs(now.c - fuel_for_c) <= config.load_estimate.retrim * now.c
-        if not same_load or abs(end_m - fuel_for_m) > _END_MOVED_M:
-            fuel_for_c, fuel_for_m = now.c, end_m
-            trim = Trim(fuel_after(view, learnt, now.c, end_m, planned_kg))
-    return ObserverState(now, True, learnt, state.forecast, fuel_for_c, fuel_for_m), trim
+    needs_map: ClassVar[bool] = True
+    needs_fit: ClassVar[bool] = True
+
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.learning = Learning(config.learning)
+        self.filter = Filter(config.observer)
+        self.retrim = config.load_estimate.retrim
+
+    def initial(self) -> ObserverState:
+        """Nothing known of the load, the charge as commanded."""
+        return ObserverState()
+
+    def step(self, state: ObserverState, view: View) -> tuple[ObserverState, Demand]:
+        """The steady fuel, until the watch trims it in the same tick."""
+        demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
+        after = ObserverState(
+            state.estimate, state.begun, state.charge, state.forecast, 0.0, state.fuel_for_m
+        )
+        return after, demand
+
+    def watch(
+        self, state: ObserverState, view: View, planned_kg: float
+    ) -> tuple[ObserverState, Trim]:
+        """Follow the motion by one tick; at the dead centre begin anew; trim the fuel."""
+        if view.passed.dead_centre:
+            return self._begin(state, view), NO_TRIM
+        if not state.begun:
+            return state, NO_TRIM
+        motion, learnt, load = view.motion, state.charge, view.load_n_s_m
+        believed = learnt.map_of(view)
+        now = follow(
+            self.filter, believed, state.estimate, motion.z_m, motion.speed_m_s, motion.tau_s,
+            view.dt_s,
+        )  # fmt: skip
+        if not _LEAST * load < now.c < _MOST * load:
+            now = replace(now, c=load, p=Covariance(qq=now.p.qq))
+        fuel_for_c, fuel_for_m, trim = state.fuel_for_n_s_m, state.fuel_for_m, NO_TRIM
+        if planned_kg != 0.0 and learnt.known:
+            end_m, _ = believed.travel(now.q, now.c, motion.z_m, now.v, motion.tau_s)
+            same_load = abs(now.c - fuel_for_c) <= self.retrim * now.c
+            if not same_load or abs(end_m - fuel_for_m) > _END_MOVED_M:
+                fuel_for_c, fuel_for_m = now.c, end_m
+                trim = Trim(fuel_after(view, learnt, now.c, end_m, planned_kg))
+        return ObserverState(now, True, learnt, state.forecast, fuel_for_c, fuel_for_m), trim
+
+    def _begin(self, state: ObserverState, view: View) -> ObserverState:
+        """At a dead centre: v was nought there, the charge is what was asked for, about."""
+        motion = view.motion
+        if not state.charge.known:
+            state = _aligned(self.learning, state, view)
+        before = state.estimate
+        c = before.c or view.load_n_s_m
+        learnt, forecast = at_dead_centre(
+            self.learning, state.charge, state.forecast, view, c, state.fuel_for_m
+        )
+        q = learnt.effective_kg(view, motion.side)
+        spread = self.filter.charge_spread * q
+        p = Covariance(cc=before.p.cc, qq=spread * spread)
+        begun = Estimate(0.0, c, q, p, -motion.tdc_m, before.noise_m2_s2)
+        now = follow(
+            self.filter, learnt.map_of(view), begun, motion.z_m, motion.speed_m_s, motion.tau_s,
+            motion.tau_s,
+        )  # fmt: skip
+        return ObserverState(now, True, learnt, forecast)
+
+    def taken_over(self, view: View) -> ObserverState:
+        """It knows little of the load, and aligns the shares with the fuel in force."""
+        return ObserverState(Estimate(p=_TAKEN_OVER), charge=UNALIGNED)
+
+    def restarted(self, state: ObserverState) -> ObserverState:
+        """Keep what was learnt; follow the motion from the next dead centre on."""
+        return ObserverState(state.estimate, False, state.charge)
 
 
-def _begin(config: ControllerConfig, state: ObserverState, view: View) -> ObserverState:
-    """At a dead centre: v was nought there, the charge is what was asked for, more or less."""
-    motion = view.motion
-    if not state.charge.known:
-        state = _aligned(config, state, view)
-    before = state.estimate
-    c = before.c or view.load_n_s_m
-    learnt, forecast = at_dead_centre(
-        config.learning, state.charge, state.forecast, view, c, state.fuel_for_m
-    )
-    q = learnt.effective_kg(view, motion.side)
-    spread = config.observer.charge_spread * q
-    p = Covariance(cc=before.p.cc, qq=spread * spread)
-    begun = Estimate(0.0, c, q, p, -motion.tdc_m, before.noise_m2_s2)
-    now = follow(
-        config.observer, learnt.map_of(view), begun, motion.z_m, motion.speed_m_s, motion.tau_s,
-        motion.tau_s,
-    )  # fmt: skip
-    return ObserverState(now, True, learnt, forecast)
-
-
-def _aligned(config: ControllerConfig, state: ObserverState, view: View) -> ObserverState:
+def _aligned(learning: Learning, state: ObserverState, view: View) -> ObserverState:
     """After a change of law: the load under which the fuel in force holds the set point.
 
     Load and charge cannot both be told from a steady state; the charge is believed.
     """
     known = replace(state.charge, known=True)
-    if not is_near(config.learning, view):
+    if not is_near(learning, view):
         return replace(state, charge=known)
     left, right = view.burnt_kg
     mean = 0.5 * (left + right)
@@ -169,7 +214,7 @@ def _aligned(config: ControllerConfig, state: ObserverState, view: View) -> Obse
 
 
 def follow(
-    config: ObserverConfig, believed: StrokeMap, now: Estimate, z: float, v: float, tau: float,
+    config: Filter, believed: StrokeMap, now: Estimate, z: float, v: float, tau: float,
     dt: float,
 ) -> Estimate:  # fmt: skip
     """One tick of the filter: predict over dt up to tau, correct by the velocity measured."""
@@ -191,7 +236,7 @@ def follow(
 
 
 def _corrected(
-    config: ObserverConfig, now: Estimate, p: Covariance, predicted: float, e: float, z: float
+    config: Filter, now: Estimate, p: Covariance, predicted: float, e: float, z: float
 ) -> Estimate:
     """The estimate after an innovation e of the velocity."""
     noise = now.noise_m2_s2
@@ -212,7 +257,7 @@ def _corrected(
     )  # fmt: skip
 
 
-def _carried(p: Covariance, a: float, b: float, config: ObserverConfig) -> Covariance:
+def _carried(p: Covariance, a: float, b: float, config: Filter) -> Covariance:
     """The covariance a tick later: v takes up a times the load's error and b times the charge's."""
     vv = p.vv + (2.0 * (a * p.vc + b * p.vq) + a * a * p.cc + 2.0 * a * b * p.cq + b * b * p.qq)
     vv += config.drift_m_s * config.drift_m_s
@@ -226,17 +271,3 @@ def _after_jump(p: Covariance, a: float, jump: float) -> Covariance:
     return Covariance(
         p.vv + a * a * jump * jump, p.vc + a * jump * jump, p.vq, p.cc + square, p.cq, p.qq
     )
-
-
-def after_restart(state: ObserverState) -> ObserverState:
-    """Keep what was learnt; follow the motion from the next dead centre on."""
-    return ObserverState(state.estimate, False, state.charge)
-
-
-LAW = Law(
-    "observer", ObserverState(), step, watch,
-    ("observer.drift_n_s_m", "observer.charge_spread", "observer.load_jump", "observer.gate"),
-    # Knows little of the load, and aligns the shares with the fuel in force.
-    take_over=lambda config, view: ObserverState(Estimate(p=_TAKEN_OVER), charge=UNALIGNED),
-    after_restart=after_restart, needs_map=True, needs_fit=True,
-)  # fmt: skip

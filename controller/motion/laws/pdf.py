@@ -10,7 +10,7 @@ integral of what is left sits in the shares (`charge`). Fuel is trimmed until it
 
 from __future__ import annotations
 
-from typing import final
+from typing import ClassVar, final
 
 from controller.motion import load_estimate
 from controller.motion.charge import (
@@ -19,13 +19,19 @@ from controller.motion.charge import (
     UNALIGNED,
     Charge,
     Forecast,
+    Learning,
     first_fuel,
 )
 from controller.motion.deadbeat import at_dead_centre, fuel_after, rest_of_stroke
 from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
-from controller.motion.load_estimate import AS_COMMANDED, UNKNOWN, LoadEstimate
+from controller.motion.load_estimate import (
+    AS_COMMANDED,
+    UNKNOWN,
+    LoadEstimate,
+    LoadEstimation,
+)
 from hil.config.controller import ControllerConfig
-from hil.values import Value, replace
+from hil.values import Value
 
 
 @final
@@ -48,48 +54,58 @@ class PdfState(Value):
         self.end_m = end_m
 
 
-def step(config: ControllerConfig, state: PdfState, view: View) -> tuple[PdfState, Demand]:
-    """The steady fuel for the load, until the watch trims it in the same tick."""
-    demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
-    return PdfState(state.load, state.charge, state.forecast), demand
+@final
+class Pdf(Law[PdfState]):
+    """Feed-forward and feedback through the map, trimmed in every tick."""
 
+    name: ClassVar[str] = "pdf"
+    parameters: ClassVar[tuple[str, ...]] = ("learning.gain", "learning.inertia_gain")
+    needs_map: ClassVar[bool] = True
 
-def watch(
-    config: ControllerConfig, state: PdfState, view: View, planned_kg: float
-) -> tuple[PdfState, Trim]:
-    """Measure the load, learn at the dead centre, trim the fuel while it can be trimmed."""
-    load, learnt, measured = state.load, state.charge, config.pdf.load_from == "power"
-    if measured and view.power_w == view.power_w:
-        load = load_estimate.update(
-            config.load_estimate, load, view.power_w, view.motion.v_m_s, view.load_n_s_m
-        )
-    elif not view.passed.dead_centre and planned_kg == 0.0:
-        return state, NO_TRIM
-    c = view.load_n_s_m * load.scale
-    if view.passed.dead_centre:
-        if measured and not load.is_sure:
-            return PdfState(load, learnt), NO_TRIM
-        learnt, forecast = at_dead_centre(
-            config.learning, learnt, state.forecast, view, c, state.end_m
-        )
-        return PdfState(load, learnt, forecast), NO_TRIM
-    settled = planned_kg == 0.0 or not learnt.known
-    if settled or abs(c - state.fuel_for_n_s_m) <= config.load_estimate.retrim * c:
-        after = PdfState(load, learnt, state.forecast, state.fuel_for_n_s_m, state.end_m)
-        return after, NO_TRIM
-    end_m, _ = rest_of_stroke(view, learnt, c)
-    fuel_kg = fuel_after(view, learnt, c, end_m, planned_kg)
-    return PdfState(load, learnt, state.forecast, c, end_m), Trim(fuel_kg)
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.learning = Learning(config.learning)
+        self.estimation = LoadEstimation(config.load_estimate)
+        self.measures = config.pdf.load_from == "power"
 
+    def initial(self) -> PdfState:
+        """Load and charge as commanded."""
+        return PdfState()
 
-def after_restart(state: PdfState) -> PdfState:
-    """Keep what was learnt; the stroke under way teaches nothing."""
-    return replace(state, forecast=NOTHING_FORESEEN, fuel_for_n_s_m=0.0, end_m=0.0)
+    def step(self, state: PdfState, view: View) -> tuple[PdfState, Demand]:
+        """The steady fuel for the load, until the watch trims it in the same tick."""
+        demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
+        return PdfState(state.load, state.charge, state.forecast), demand
 
+    def watch(self, state: PdfState, view: View, planned_kg: float) -> tuple[PdfState, Trim]:
+        """Measure the load, learn at the dead centre, trim the fuel while it can be trimmed."""
+        load, learnt = state.load, state.charge
+        if self.measures and view.power_w == view.power_w:
+            load = load_estimate.update(
+                self.estimation, load, view.power_w, view.motion.v_m_s, view.load_n_s_m
+            )
+        elif not view.passed.dead_centre and planned_kg == 0.0:
+            return state, NO_TRIM
+        c = view.load_n_s_m * load.scale
+        if view.passed.dead_centre:
+            if self.measures and not load.is_sure:
+                return PdfState(load, learnt), NO_TRIM
+            learnt, forecast = at_dead_centre(
+                self.learning, learnt, state.forecast, view, c, state.end_m
+            )
+            return PdfState(load, learnt, forecast), NO_TRIM
+        settled = planned_kg == 0.0 or not learnt.known
+        if settled or abs(c - state.fuel_for_n_s_m) <= self.estimation.retrim * c:
+            after = PdfState(load, learnt, state.forecast, state.fuel_for_n_s_m, state.end_m)
+            return after, NO_TRIM
+        end_m, _ = rest_of_stroke(view, learnt, c)
+        fuel_kg = fuel_after(view, learnt, c, end_m, planned_kg)
+        return PdfState(load, learnt, state.forecast, c, end_m), Trim(fuel_kg)
 
-LAW = Law(
-    "pdf", PdfState(), step, watch, ("learning.gain", "learning.inertia_gain"),
-    # Knows nothing of the load yet, and aligns the shares with the fuel in force.
-    take_over=lambda config, view: PdfState(UNKNOWN, UNALIGNED),
-    after_restart=after_restart, needs_map=True,
-)  # fmt: skip
+    def taken_over(self, view: View) -> PdfState:
+        """It knows nothing of the load yet, and aligns the shares with the fuel in force."""
+        return PdfState(UNKNOWN, UNALIGNED)
+
+    def restarted(self, state: PdfState) -> PdfState:
+        """Keep what was learnt; the stroke under way teaches nothing."""
+        return PdfState(state.load, state.charge)

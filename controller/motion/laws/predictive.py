@@ -7,11 +7,13 @@ set point. Called once a stroke; only position and velocity are measured.
 
 from __future__ import annotations
 
-from typing import Final, final
+from typing import ClassVar, Final, final
 
-from controller.motion.charge import is_near, shares_of
+from mypy_extensions import i64
+
+from controller.motion.charge import Learning, is_near, shares_of
 from controller.motion.law import Demand, Law, View
-from hil.config.controller import ControllerConfig, LearningConfig, PredictiveConfig
+from hil.config.controller import ControllerConfig, PredictiveConfig
 from hil.values import Value, replace
 
 _CALM: Final = 3
@@ -58,7 +60,7 @@ class PredictiveState(Value):
     def __init__(
         self, load: InferredLoad = NONE_YET, share: tuple[float, float] = (1.0, 1.0),
         offset_m: float = 0.0, offset_before_m: float = 0.0, end_m: float = 0.0,
-        calm: int = _CALM, known: bool = True,
+        calm: i64 = _CALM, known: bool = True,
     ) -> None:  # fmt: skip
         self.load = load
         self.share = share
@@ -69,26 +71,57 @@ class PredictiveState(Value):
         self.known = known
 
 
-def step(
-    config: ControllerConfig, state: PredictiveState, view: View
-) -> tuple[PredictiveState, Demand]:
-    """Infer, predict, correct: the fuel for the combustion at the end of this stroke."""
-    believed, motion, ahead = view.believed, view.motion, view.motion.side_ahead
-    if not state.known:
-        state = _aligned(config.learning, state, view)
-    q = max(state.share[1 - ahead] * view.burnt_kg[1 - ahead], 1e-9)
-    v_mid = motion.v_mid_m_s / believed.speed
-    load, excess, news = _inferred(config.predictive, state.load, view, q, v_mid)
-    share, offset_m, calm = _lessons(config.learning, state, motion.tdc_m, 1 - ahead, excess, news)
-    _, tau = believed.pass_mid(q, load.c, motion.tdc_m)
-    end_m = believed.travel(q, load.c, 0.0, v_mid, tau)[0] + offset_m
-    wanted = believed.charge_for(load.c, end_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
-    fuel_kg = view.limited_kg(wanted / share[ahead])
-    demand = Demand(
-        fuel_kg, view.point.v_mid_m_s, inner_p_kg=fuel_kg - view.point.fuel_kg,
-        inner_i_kg=wanted / share[ahead] - wanted,
+@final
+class Predictive(Law[PredictiveState]):
+    """Called once a stroke."""
+
+    name: ClassVar[str] = "predictive"
+    parameters: ClassVar[tuple[str, ...]] = (
+        "predictive.drift", "predictive.noise_gain", "predictive.gate",
     )  # fmt: skip
-    return PredictiveState(load, share, offset_m, state.offset_m, end_m, calm), demand
+    needs_map: ClassVar[bool] = True
+
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.learning = Learning(config.learning)
+
+    def initial(self) -> PredictiveState:
+        """No load inferred yet."""
+        return PredictiveState()
+
+    def step(self, state: PredictiveState, view: View) -> tuple[PredictiveState, Demand]:
+        """Infer, predict, correct: the fuel for the combustion at the end of this stroke."""
+        believed, motion, ahead = view.believed, view.motion, view.motion.side_ahead
+        if not state.known:
+            state = _aligned(self.learning, state, view)
+        q = max(_at(state.share, 1 - ahead) * view.burnt_at(1 - ahead), 1e-9)
+        v_mid = motion.v_mid_m_s / believed.speed
+        load, excess, news = _inferred(self.config.predictive, state.load, view, q, v_mid)
+        share, offset_m, calm = _lessons(
+            self.learning, state, motion.tdc_m, 1 - ahead, excess, news
+        )
+        _, tau = believed.pass_mid(q, load.c, motion.tdc_m)
+        end_m = believed.travel(q, load.c, 0.0, v_mid, tau)[0] + offset_m
+        wanted = believed.charge_for(load.c, end_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
+        asked = wanted / _at(share, ahead)
+        fuel_kg = view.limited_kg(asked)
+        demand = Demand(
+            fuel_kg, view.point.v_mid_m_s, inner_p_kg=fuel_kg - view.point.fuel_kg,
+            inner_i_kg=asked - wanted,
+        )  # fmt: skip
+        return PredictiveState(load, share, offset_m, state.offset_m, end_m, calm), demand
+
+    def taken_over(self, view: View) -> PredictiveState:
+        """The shares are still to be aligned with the fuel in force."""
+        return PredictiveState(known=False)
+
+    def restarted(self, state: PredictiveState) -> PredictiveState:
+        """Keep what was learnt; the stroke under way was not predicted."""
+        return replace(state, end_m=0.0, load=replace(state.load, c=0.0))
+
+
+def _at(share: tuple[float, float], side: i64) -> float:
+    return share[0] if side == 0 else share[1]
 
 
 def _inferred(
@@ -128,9 +161,9 @@ def _filtered(
 
 
 def _lessons(
-    config: LearningConfig, state: PredictiveState, tdc_m: float, fired: int, excess: float,
+    config: Learning, state: PredictiveState, tdc_m: float, fired: i64, excess: float,
     news: float,
-) -> tuple[tuple[float, float], float, int]:  # fmt: skip
+) -> tuple[tuple[float, float], float, i64]:  # fmt: skip
     """Shares, error of the map and calm after this stroke; a change of the load undoes lessons."""
     offset_m, calm = state.offset_m, min(state.calm + 1, _CALM)
     if state.end_m > 0.0 and state.calm >= _CALM:
@@ -143,7 +176,7 @@ def _lessons(
 
 
 def _balanced(
-    config: LearningConfig, share: tuple[float, float], fired: int, excess: float
+    config: Learning, share: tuple[float, float], fired: i64, excess: float
 ) -> tuple[float, float]:
     """A load that seems to alternate from stroke to stroke is a charge that does.
 
@@ -155,7 +188,7 @@ def _balanced(
     return left, right
 
 
-def _aligned(config: LearningConfig, state: PredictiveState, view: View) -> PredictiveState:
+def _aligned(config: Learning, state: PredictiveState, view: View) -> PredictiveState:
     """After a change of law: the shares with which this law asks for the fuel in force.
 
     The load and the charge cannot both be told from a mid-stroke velocity; the commanded load is
@@ -166,16 +199,3 @@ def _aligned(config: LearningConfig, state: PredictiveState, view: View) -> Pred
     left, right = view.burnt_kg
     share = shares_of(config, 0.5 * (left + right), view.burnt_kg)
     return replace(state, share=share, known=True)
-
-
-def after_restart(state: PredictiveState) -> PredictiveState:
-    """Keep what was learnt; the stroke under way was not predicted."""
-    return replace(state, end_m=0.0, load=replace(state.load, c=0.0))
-
-
-LAW = Law(
-    "predictive", PredictiveState(), step,
-    parameters=("predictive.drift", "predictive.noise_gain", "predictive.gate"),
-    take_over=lambda config, view: PredictiveState(known=False),
-    after_restart=after_restart, needs_map=True,
-)  # fmt: skip

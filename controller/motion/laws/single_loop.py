@@ -5,11 +5,10 @@ m_fuel = m_0 + PI(tdc_ref - tdc)     (thesis section 6.2.2, Fig 6.3 and the dela
 
 from __future__ import annotations
 
-from typing import final
+from typing import ClassVar, final
 
 from controller.motion.law import Demand, Law, View
 from controller.motion.pi import pi_step
-from hil.config.controller import ControllerConfig
 from hil.values import Value
 
 
@@ -23,27 +22,33 @@ class SingleLoopState(Value):
         self.integral_kg = integral_kg
 
 
-def step(
-    config: ControllerConfig, state: SingleLoopState, view: View
-) -> tuple[SingleLoopState, Demand]:
-    """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
-    point = view.point
-    integral, fuel = pi_step(
-        config.single_loop.tdc, state.integral_kg,
-        point.gain_scale * (view.tdc_ref_m - view.motion.tdc_m),
-        view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
-    )  # fmt: skip
-    demand = Demand(point.fuel_kg + fuel.u, inner_p_kg=fuel.p, inner_i_kg=fuel.i)
-    return SingleLoopState(integral), demand
+@final
+class SingleLoop(Law[SingleLoopState]):
+    """One loop, called once a stroke."""
 
+    name: ClassVar[str] = "single-loop"
+    parameters: ClassVar[tuple[str, ...]] = ("single_loop.tdc.kp", "single_loop.tdc.ki")
 
-def take_over(config: ControllerConfig, view: View) -> SingleLoopState:
-    """The integral with which the loop asks for the fuel that is there."""
-    left, right = view.burnt_kg
-    return SingleLoopState(0.5 * (left + right) - view.point.fuel_kg)
+    def initial(self) -> SingleLoopState:
+        """The operating point."""
+        return SingleLoopState()
 
+    def step(self, state: SingleLoopState, view: View) -> tuple[SingleLoopState, Demand]:
+        """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
+        point = view.point
+        integral, fuel = pi_step(
+            self.config.single_loop.tdc, state.integral_kg,
+            point.gain_scale * (view.tdc_ref_m - view.motion.tdc_m),
+            view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
+        )  # fmt: skip
+        demand = Demand(point.fuel_kg + fuel.u, inner_p_kg=fuel.p, inner_i_kg=fuel.i)
+        return SingleLoopState(integral), demand
 
-LAW = Law(
-    "single-loop", SingleLoopState(), step, take_over=take_over, after_restart=lambda state: state,
-    parameters=("single_loop.tdc.kp", "single_loop.tdc.ki"),
-)  # fmt: skip
+    def taken_over(self, view: View) -> SingleLoopState:
+        """The integral with which the loop asks for the fuel that is there."""
+        left, right = view.burnt_kg
+        return SingleLoopState(0.5 * (left + right) - view.point.fuel_kg)
+
+    def restarted(self, state: SingleLoopState) -> SingleLoopState:
+        """All of it is kept."""
+        return state

@@ -9,11 +9,11 @@ import contextlib
 import fcntl
 import os
 import re
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from drivers.zenoh.sockets import made, own_directory
 from hil.errors import ConfigError
 
 CHANNEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}", re.ASCII)
@@ -25,12 +25,7 @@ _MAX_SOCKET_PATH: Final = 107
 def runtime_directory() -> Path:
     """Return where the channels of this user live; HIL_CAN_DIRECTORY puts them elsewhere."""
     given = os.environ.get(DIRECTORY_VARIABLE)
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    if base and Path(base).is_dir():
-        return Path(base) / "hil-can"
-    return Path(tempfile.gettempdir()) / f"hil-can-{os.geteuid()}"
+    return Path(given) if given else own_directory() / "can"
 
 
 def channels() -> dict[str, int]:
@@ -83,18 +78,14 @@ def folder_of(channel: str) -> Path:
         raise ConfigError(
             f"CAN channel zenoh:{channel}: accepted letters, digits and _ . -, at most 32"
         )
-    folder = runtime_directory() / channel
+    root = runtime_directory()
+    folder = root / channel
     if len(str(folder)) > _MAX_SOCKET_PATH - 24:
         raise ConfigError(f"{folder}: too long for a unix socket; set {DIRECTORY_VARIABLE}")
-    try:
-        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700, exist_ok=True)
-        owner = folder.parent.stat()
-    except OSError as error:
-        raise ConfigError(f"{folder}: {error.strerror}") from None
-    if owner.st_uid != os.geteuid() or owner.st_mode & 0o022:
-        raise ConfigError(f"{folder.parent}: not this user's alone; set {DIRECTORY_VARIABLE}")
-    return folder
+    if DIRECTORY_VARIABLE not in os.environ:
+        made(own_directory())
+    made(root, DIRECTORY_VARIABLE, 0o022)  # the channel's own directory is closed
+    return made(folder, DIRECTORY_VARIABLE)
 
 
 @contextlib.contextmanager

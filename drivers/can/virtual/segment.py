@@ -21,7 +21,7 @@ import zenoh
 
 from drivers.can.virtual.directory import folder_of, locked, node_names, sweep
 from drivers.can.virtual.records import HEAD, MAGIC
-from drivers.zenoh.link import give_back
+from drivers.zenoh.node import give_back
 from hil.errors import LinkError
 
 SHARED_SIZE: Final = 1 << 14
