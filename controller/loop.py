@@ -93,7 +93,7 @@ class ControllerLoop:
         self._record(arrival, output, frames, woke_ns, asked is not self.state.fuelling.demand)
         self._tell(output)
 
-    def _take(self, batch: bytes | None, woke_ns: int) -> Arrival | None:
+    def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
         arrival = self.reception.take(batch, self.tick, self.state.motion)
         if self.tick < 0 and batch is not None:
@@ -107,7 +107,7 @@ class ControllerLoop:
         if arrival.tick > self.tick:
             if not self._age.is_too_old(arrival.tick, woke_ns):
                 return arrival
-            waited_ms = self._age.age_ns(arrival.tick, woke_ns) * 1e-6
+            waited_ms = float(self._age.age_ns(arrival.tick, woke_ns)) * 1e-6
             text = f"sample of tick {arrival.tick} has waited for {waited_ms:.1f} ms"
         else:
             text = f"sample of tick {arrival.tick} came after tick {self.tick} was answered"
@@ -208,7 +208,7 @@ class ControllerLoop:
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
         self._recorder.put(data)
 
-    def _note(self, code: str, text: str, batch: bytes, woke_ns: int) -> None:
+    def _note(self, code: str, text: str, batch: bytes, woke_ns: i64) -> None:
         """Log frames that are not acted on, with the time at which that was decided."""
         self._recorder.put(packed_note(max(self.tick, 0), woke_ns, code, text, batch))
 
