@@ -20,8 +20,6 @@ from typing import Any, Final, NamedTuple, Union, get_args, get_origin, get_type
 
 from mypy_extensions import i64
 
-from mypy_extensions import i64
-
 from hil import compiled
 from hil.errors import LogError
 from hil.values import Value, fields_of
