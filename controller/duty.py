@@ -1,8 +1,9 @@
 """The controller as a service: what the engine was asked to do survives a restart.
 
-A controller that is killed while the engine runs comes back with the duty of its predecessor: it
-asks for a start and the set point that was in force, as an operator would, and the mode table
-decides what becomes of it. One that was stopped, or had gone to its safe state, stays off.
+With `safety.rearm` a controller that is killed while the engine runs comes back with the duty of
+its predecessor: it asks for a start and the set point that was in force, as an operator would, and
+the mode table decides what becomes of it. Without it that is the operator's to do. One that was
+stopped, or had gone to its safe state, stays off.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ class DutyCommands(CommandSource):
         self.stopped = False
         self._source = source
         self._waiting: deque[tuple[str, bytes]] = deque()
+        self._is_own = False  # whether the service itself asked last
 
     @property
     def idle(self) -> bool:
@@ -67,10 +69,16 @@ class DutyCommands(CommandSource):
 
     def poll(self) -> tuple[str, bytes] | None:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
-        received = self._waiting.popleft() if self._waiting else self._source.poll()
+        self._is_own = bool(self._waiting)
+        received = self._waiting.popleft() if self._is_own else self._source.poll()
         if received is not None:
             self._note(*received)
         return received
+
+    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+        """Answer an operator; the service itself looks at the mode."""
+        if not self._is_own:
+            self._source.answer(is_taken, tick, text)
 
     def _note(self, origin: str, raw: bytes) -> None:
         """Remember a stop, and a target power, which the set points in force no longer tell."""
@@ -93,8 +101,8 @@ class Resumption:
     so it asks only while samples are fresh, again a few times, and not after an operator's stop.
     """
 
-    def __init__(self, kept: Mapping[str, Any]) -> None:
-        self.tries_left = RESUME_TRIES if kept.get("running") is True else 0
+    def __init__(self, kept: Mapping[str, Any], rearm: bool) -> None:
+        self.tries_left = RESUME_TRIES if rearm and kept.get("running") is True else 0
         names = ("tdc_ref_m", "target_power_w")
         self._set_point = {name: kept[name] for name in names if kept.get(name) is not None}
 
@@ -113,9 +121,11 @@ class Resumption:
 class Duty:
     """Looks after one loop between its ticks."""
 
-    def __init__(self, heart: Heart, caretaker: Caretaker, source: CommandSource) -> None:
+    def __init__(
+        self, heart: Heart, caretaker: Caretaker, source: CommandSource, rearm: bool
+    ) -> None:
         self.commands = DutyCommands(source)
-        self._resumption = Resumption(caretaker.kept())
+        self._resumption = Resumption(caretaker.kept(), rearm)
         self._heart = heart
         self._caretaker = caretaker
 

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 
+def printable(text: str) -> str:
+    """Return a text that may go to a terminal: what a file put into it steers nothing."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 class HilError(Exception):
     """A failure that is told to the user in one line; `exit_code` is what the command ends with."""
 
     exit_code = 3
+
+    def __str__(self) -> str:
+        """Say it without control characters."""
+        return printable(super().__str__())
 
 
 class ConfigError(HilError):
@@ -44,6 +53,10 @@ PEER_LOST = "lost: no valid"
 
 class LinkError(RunError):
     """A link that could not be opened, or that broke."""
+
+
+class RefusedError(LinkError):
+    """Another process is already what this one was to be."""
 
 
 class BlockedError(HilError):

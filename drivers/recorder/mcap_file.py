@@ -81,7 +81,13 @@ class McapFile:
     before the call, and `finish` still makes it whole.
     """
 
-    def __init__(self, fd: int, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+    def __init__(
+        self,
+        fd: int,
+        schemas: Sequence[Schema],
+        channels: Sequence[Channel],
+        header: Header | None = None,
+    ) -> None:
         self._fd = fd
         self._size = 0
         self._crc = 0
@@ -91,7 +97,8 @@ class McapFile:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
-        self._emit(MAGIC + _bytes_of(Header("ros2", f"{LIBRARY}{FORMAT}"), *schemas, *channels))
+        header = header or Header("ros2", f"{LIBRARY}{FORMAT}")
+        self._emit(MAGIC + _bytes_of(header, *schemas, *channels))
 
     @property
     def size(self) -> int:

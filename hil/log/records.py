@@ -21,7 +21,7 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, lo
 PAYLOAD_OFFSET = MESSAGE_HEAD.size + len(CDR_LE)
 
 # ROS 2 type: struct code, size in bytes (which is also its alignment)
-_SCALARS = {
+SCALARS = {
     "bool": ("?", 1),
     "uint8": ("B", 1),
     "int8": ("b", 1),
@@ -36,7 +36,6 @@ _SCALARS = {
 }
 _VARIABLE = ("string", "uint8[]")
 _ARRAY = re.compile(r"(\w+)\[(\d+)\]")
-_LINE = re.compile(r"(\S+)\s+(\w+)(?:\s+#\s*(?:\[([^\]]*)\]\s*)?(.*))?")
 
 
 class Field(NamedTuple):
@@ -76,34 +75,14 @@ def definition(fields: tuple[Field, ...], text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def parse_definition(text: str) -> tuple[Field, ...]:
-    """Return the fields of a ROS 2 message definition of scalars, fixed arrays and byte strings.
-
-    Raises: ValueError when a line is no field, or a type is none of those
-    """
-    fields = []
-    for line in text.splitlines():
-        bare = line.strip()
-        if not bare or bare.startswith("#"):
-            continue
-        match = _LINE.fullmatch(bare)
-        if match is None:
-            raise ValueError(f"no field definition: {bare!r}")
-        kind, name, unit, meaning = match.groups()
-        if kind not in _VARIABLE:
-            scalar_of(kind)
-        fields.append(Field(kind, meaning or "", unit or "", name))
-    return tuple(fields)
-
-
 def scalar_of(kind: str) -> tuple[str, int, int | None]:
     """Return struct code, size and array length (None: a scalar) of a fixed-size type."""
     array = _ARRAY.fullmatch(kind)
     base, count = (array[1], int(array[2])) if array else (kind, None)
-    if base not in _SCALARS:
-        accepted = ", ".join([*_SCALARS, *_VARIABLE])
+    if base not in SCALARS:
+        accepted = ", ".join([*SCALARS, *_VARIABLE])
         raise ValueError(f"type {kind!r}: accepted are {accepted} and fixed arrays like uint8[4]")
-    code, size = _SCALARS[base]
+    code, size = SCALARS[base]
     return code, size, count
 
 
@@ -157,7 +136,12 @@ class Layout:
             if len(payload) < offset:
                 raise ValueError(f"payload has {len(payload)} bytes, {field.name} ends at {offset}")
             raw = bytes(payload[start:offset])
-            yield raw[:-1].decode() if field.type == "string" else raw
+            yield _string(raw) if field.type == "string" else raw
+
+
+def _string(raw: bytes) -> str:
+    """Text of a string; bytes of others that are no UTF-8 are told by their numbers."""
+    return raw.removesuffix(b"\0").decode(errors="backslashreplace")
 
 
 _Fixed = tuple[tuple[str, str, int, int | None], ...]
@@ -210,6 +194,7 @@ class Topic:
         self._names = [field.name for field in fields]
         if not {"tick", "t_ns"} <= set(self._names):
             raise ValueError("a log record needs the fields tick and t_ns")
+        self._tick_at, self._t_ns_at = self._names.index("tick"), self._names.index("t_ns")
         pad = -layout.size % 4 if layout.variable else 0
         self.length = PAYLOAD_OFFSET - 9 + layout.size + pad
         self.payload_format = f"{layout.format[1:]}{'x' * pad}"
@@ -226,13 +211,12 @@ class Topic:
             values = (*values, *[named.pop(name) for name in self._names[len(values) :]])
         if named or len(values) != len(self._names):
             raise TypeError(f"{self.name} has the fields {', '.join(self._names)}")
-        told = dict(zip(self._names, values, strict=True))
+        tick, t_ns = values[self._tick_at], values[self._t_ns_at]
         cut = len(values) - len(self.layout.variable)
         numbers: list[Any] = []
         for value in values[:cut]:
             numbers += value if isinstance(value, tuple) else (value,)
         tail = _pack_tail(values[cut:])
         return self._into_one(
-            MESSAGE, self.length + len(tail), self.channel_id, told["tick"], told["t_ns"],
-            told["t_ns"], CDR_LE, *numbers,
+            MESSAGE, self.length + len(tail), self.channel_id, tick, t_ns, t_ns, CDR_LE, *numbers
         ) + tail  # fmt: skip

@@ -19,6 +19,7 @@ from drivers import links
 from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
 from hil.log import Span, topics
+from hil.log.coding import of_layout
 from hil.log.records import Layout
 from hil.ports import CommandSource
 from hil.values import replace
@@ -271,7 +272,7 @@ def test_a_log_without_any_input_is_refused(run_directory, tmp_path):
 def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, monkeypatch):
     today = differences._TODAY["/truth"]
     fields = (*today.fields, today.fields[-1]._replace(name="extra"))
-    newer = today._replace(fields=fields, layout=Layout(fields))
+    newer = today._replace(coding=of_layout(Layout(fields)))
     monkeypatch.setitem(differences._TODAY, "/truth", newer)
     with hil.log.open(run_directory / "plant.mcap") as log:
         records = differences.Records(log)
@@ -291,6 +292,9 @@ class OnceOrdered(CommandSource):
     def poll(self):
         self.looks += 1
         return ("desk", ORDERED) if self.looks == 3 else None
+
+    def answer(self, *_told):
+        pass
 
 
 @pytest.fixture

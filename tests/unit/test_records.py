@@ -14,16 +14,8 @@ from mcap.records import Message
 from mcap_ros2._dynamic import generate_dynamic
 
 from hil.log import packing
-from hil.log.records import (
-    CDR_LE,
-    Field,
-    Layout,
-    Record,
-    Topic,
-    definition,
-    fields_of,
-    parse_definition,
-)
+from hil.log.definitions import parse_definition
+from hil.log.records import CDR_LE, Field, Layout, Record, Topic, definition, fields_of
 from hil.log.topics import ALL, EVENT, FRAMES_SENT, HOT, SENSOR, TIMING
 
 FLOATS = st.floats(allow_nan=False)

@@ -7,39 +7,51 @@ DIR/results.parquet    all of them, by run; DIR/table.md; DIR/distributions.svg;
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.run import directory as outdir
 from bench.studies.campaign.config import Campaign, draw, scenario_of
 from bench.studies.campaign.run import Row, run_many
+from bench.studies.campaign.stopping import Watch
 from hil.errors import ConfigError, MissingExtraError, RunError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-PART = 20
-"""Runs of a part: at most one part a worker is lost when a campaign is killed."""
+PART, MOST_PARTS = 20, 1000
+"""Runs of a part at least: at most one part a worker is lost when a campaign is killed."""
 
 _LOOKS, _LOOK_S = 8, 0.05
 """After an interrupt, for workers that are coming up."""
+
+
+class Shard(NamedTuple):
+    """Which part of a campaign this machine runs: the first of so many is 1/so many."""
+
+    number: int
+    of: int
+
+
+WHOLE = Shard(1, 1)
 
 AHEAD = 3
 """Parts a worker has waiting, so that it never waits for the driver."""
 
 
 def run(
-    campaign: Campaign, directory: Path, scheduler: str | None, workers: int, console: Console
-) -> Path:
+    campaign: Campaign, directory: Path, scheduler: str | None, workers: int, console: Console,
+    shard: Shard = WHOLE,
+) -> Path | None:  # fmt: skip
     """Run what is not there yet, then put the parts together; returns the results file.
 
+    A shard runs every so manieth part only; None as long as parts of others are not there.
     Raises: ConfigError when the directory holds another campaign; RunError when a worker failed
     """
     scenario_of(campaign, draw(campaign, 0))  # a key that is wrong is told before anything is made
@@ -48,23 +60,50 @@ def run(
     parts.mkdir(exist_ok=True)
     for leftover in parts.glob("*.tmp"):
         leftover.unlink()
-    todo = [n for n in range(part_count(campaign)) if not _part_file(parts, n).exists()]
-    if todo:
+    watch = _watch_of(campaign, parts)
+    todo = [n for n in range(part_count(campaign))
+            if n % shard.of == shard.number - 1 and not _part_file(parts, n).exists()]  # fmt: skip
+    if todo and watch.end is None:
         with _cluster(scheduler, workers) as client, _bar(console, campaign, todo) as advance:
-            for number, rows in _computed(client, campaign, todo):
+            for number, rows in _computed(client, campaign, todo, watch):
                 _write_part(parts, number, rows)
                 advance(len(rows))
-    return _merge(directory, parts, campaign)
+                watch.take(number, rows)
+    end = part_count(campaign) if watch.end is None else watch.end
+    if campaign.stop is not None:
+        console.print(f"{campaign.stop.figure}: {watch.told()}", soft_wrap=True, markup=False)
+    missing = sum(1 for n in range(end) if not _part_file(parts, n).exists())
+    if missing:
+        console.print(f"shard {shard.number}/{shard.of} done; {missing} parts of others missing")
+        return None
+    return _merge(directory, parts, campaign, end)
+
+
+def _watch_of(campaign: Campaign, parts: Path) -> Watch:
+    """The stopping rule with what is there already."""
+    watch = Watch(campaign.stop, campaign.controllers)
+    if campaign.stop is not None:
+        columns = ["set_controller", campaign.stop.figure]
+        for number in range(part_count(campaign)):
+            if _part_file(parts, number).exists():
+                watch.take(number, rows_of(_part_file(parts, number), columns))
+    return watch
+
+
+def part_size(campaign: Campaign) -> int:
+    """Runs of a part: few, so that little is lost, but no more than a thousand parts or so."""
+    return max(PART, -(-campaign.runs // MOST_PARTS))
 
 
 def part_count(campaign: Campaign) -> int:
     """Number of parts of a campaign."""
-    return -(-campaign.runs // PART)
+    return -(-campaign.runs // part_size(campaign))
 
 
 def indices_of(campaign: Campaign, number: int) -> list[int]:
     """The runs of a part."""
-    return list(range(number * PART, min((number + 1) * PART, campaign.runs)))
+    size = part_size(campaign)
+    return list(range(number * size, min((number + 1) * size, campaign.runs)))
 
 
 def _claim(campaign: Campaign, directory: Path) -> None:
@@ -74,7 +113,7 @@ def _claim(campaign: Campaign, directory: Path) -> None:
     text = campaign.model_dump_json(indent=1)
     if not file.exists():
         file.write_text(text, encoding="utf-8")
-    elif json.loads(file.read_text(encoding="utf-8")) != json.loads(text):
+    elif Campaign.model_validate_json(file.read_text(encoding="utf-8")) != campaign:
         raise ConfigError(f"{directory}: holds another campaign; choose another --out")
 
 
@@ -146,8 +185,9 @@ def _computed(
     client: Any,  # noqa: ANN401
     campaign: Campaign,
     todo: list[int],
+    watch: Watch,
 ) -> Iterator[tuple[int, list[Row]]]:
-    """Parts as they are finished; a few are always waiting, never all."""
+    """Parts as they are finished, until enough is known; a few are always waiting, never all."""
     import distributed
 
     library: Any = distributed
@@ -165,6 +205,8 @@ def _computed(
         if future.status != "finished":
             raise RunError(f"part {numbers[future.key]} of the campaign: {future.exception()}")
         yield numbers[future.key], future.result()
+        if watch.end is not None:
+            return
         following = next(waiting, None)
         if following is not None:
             pending.add(submit(following))
@@ -201,13 +243,15 @@ def _write_part(parts: Path, number: int, rows: list[Row]) -> None:
     unfinished.rename(file)
 
 
-def _merge(directory: Path, parts: Path, campaign: Campaign) -> Path:
-    """All parts in one file, ordered by run."""
+def _merge(directory: Path, parts: Path, campaign: Campaign, end: int) -> Path:
+    """The parts before `end` in one file, ordered by run."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tables = [pq.read_table(_part_file(parts, n)) for n in range(part_count(campaign))]
+    tables = [pq.read_table(_part_file(parts, n)) for n in range(end)]
     merged = pa.concat_tables(tables, promote_options="permissive").sort_by("run")
+    if merged.num_rows != min(end * part_size(campaign), campaign.runs):
+        raise ConfigError(f"{directory}: its parts are of another size; choose another --out")
     file = directory / "results.parquet"
     unfinished = directory / "results.tmp"
     pq.write_table(merged, unfinished)
@@ -215,9 +259,9 @@ def _merge(directory: Path, parts: Path, campaign: Campaign) -> Path:
     return file
 
 
-def rows_of(file: Path) -> list[Row]:
-    """The results as rows."""
+def rows_of(file: Path, columns: Sequence[str] | None = None) -> list[Row]:
+    """The results as rows, with all columns or some."""
     import pyarrow.parquet as pq
 
-    rows: list[Row] = pq.read_table(file).to_pylist()
+    rows: list[Row] = pq.read_table(file, columns=columns).to_pylist()
     return rows

@@ -1,0 +1,1 @@
+"""What the pair makes of losses, stalls and faults: both loops in memory, time by the tick."""
