@@ -13,6 +13,7 @@ from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Assignments
+from hil import compiled
 from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
@@ -176,8 +177,21 @@ engine.register(app)
 fmu.register(app)
 
 
+def _tell_of_edits() -> None:
+    """Say on standard error that an edit has taken the compiled loops out of use."""
+    changed = compiled.edited()
+    if changed:
+        others = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        print(
+            f"{changed[0]}{others} changed since `hil compile`: the loops are interpreted until it "
+            "is run again", file=sys.stderr,
+        )  # fmt: skip
+
+
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
+    if sys.argv[1:2] != ["compile"]:
+        _tell_of_edits()
     sys.exit(run_to_end(lambda: app(standalone_mode=False)))
 
 
