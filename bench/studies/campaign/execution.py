@@ -11,8 +11,9 @@ import json
 import multiprocessing
 import signal
 import time
+import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ from bench.run import directory as outdir
 from bench.studies.campaign.config import Campaign, draw, scenario_of
 from bench.studies.campaign.run import Row, run_many
 from hil.errors import ConfigError, MissingExtraError, RunError
+from hil.files import Output, read_regular
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,6 +32,9 @@ PART = 20
 
 _LOOKS, _LOOK_S = 8, 0.05
 """After an interrupt, for workers that are coming up."""
+
+RESULTS = ("results.parquet", "table.md", "distributions.svg")
+"""What is written anew each time that a campaign goes on in its directory, and in no other."""
 
 AHEAD = 3
 """Parts a worker has waiting, so that it never waits for the driver."""
@@ -46,9 +51,9 @@ def run(
     _claim(campaign, directory)
     parts = directory / "parts"
     parts.mkdir(exist_ok=True)
-    for leftover in parts.glob("*.tmp"):
+    for leftover in parts.glob(".part-*"):
         leftover.unlink()
-    todo = [n for n in range(part_count(campaign)) if not _part_file(parts, n).exists()]
+    todo = [n for n in range(part_count(campaign)) if _part_file(parts, n) is None]
     if todo:
         with _cluster(scheduler, workers) as client, _bar(console, campaign, todo) as advance:
             for number, rows in _computed(client, campaign, todo):
@@ -70,16 +75,34 @@ def indices_of(campaign: Campaign, number: int) -> list[int]:
 def _claim(campaign: Campaign, directory: Path) -> None:
     """Make the directory this campaign's, or see that it is."""
     outdir.make_directory("--out", directory)
-    file = directory / "campaign.json"
+    file = Output("--out", directory / "campaign.json")
     text = campaign.model_dump_json(indent=1)
-    if not file.exists():
-        file.write_text(text, encoding="utf-8")
-    elif json.loads(file.read_text(encoding="utf-8")) != json.loads(text):
+    if not file.path.exists():
+        outdir.claim("--out", directory, RESULTS, force=False)
+        file.write(text)
+    elif _known(file.path) != json.loads(text):
         raise ConfigError(f"{directory}: holds another campaign; choose another --out")
 
 
-def _part_file(parts: Path, number: int) -> Path:
-    return parts / f"part-{number:05d}.parquet"
+def _known(file: Path) -> object:
+    """What a directory says it is of; nothing, when that cannot be read."""
+    try:
+        return json.loads(read_regular(file))
+    except ValueError:
+        return None
+
+
+def _part_file(parts: Path, number: int) -> Path | None:
+    """Return the file of a finished part; one that does not have the CRC in its name is none."""
+    for file in _files_of(parts, number):
+        with suppress(OSError):
+            if file.stem.endswith(f"-{zlib.crc32(file.read_bytes()):08x}"):
+                return file
+    return None
+
+
+def _files_of(parts: Path, number: int) -> list[Path]:
+    return sorted(parts.glob(f"part-{number:05d}-*.parquet"))
 
 
 @contextmanager
@@ -191,14 +214,17 @@ def _bar(console: Console, campaign: Campaign, todo: list[int]) -> Iterator[Any]
 
 
 def _write_part(parts: Path, number: int, rows: list[Row]) -> None:
-    """Write a part whole: under another name first."""
+    """Write a part whole, its CRC-32 in its name, in the place of a damaged one."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file = _part_file(parts, number)
-    unfinished = file.with_suffix(".tmp")
-    pq.write_table(pa.Table.from_pylist(rows), unfinished)
-    unfinished.rename(file)
+    for damaged in _files_of(parts, number):
+        damaged.unlink()
+    stream = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows), stream)
+    data = stream.getvalue().to_pybytes()
+    name = f"part-{number:05d}-{zlib.crc32(data):08x}.parquet"
+    Output("--out", parts / name, force=True).write(data)
 
 
 def _merge(directory: Path, parts: Path, campaign: Campaign) -> Path:
@@ -206,13 +232,13 @@ def _merge(directory: Path, parts: Path, campaign: Campaign) -> Path:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tables = [pq.read_table(_part_file(parts, n)) for n in range(part_count(campaign))]
+    files = [_part_file(parts, n) for n in range(part_count(campaign))]
+    tables = [pq.read_table(file) for file in files if file is not None]
     merged = pa.concat_tables(tables, promote_options="permissive").sort_by("run")
-    file = directory / "results.parquet"
-    unfinished = directory / "results.tmp"
-    pq.write_table(merged, unfinished)
-    unfinished.rename(file)
-    return file
+    file = Output("--out", directory / "results.parquet", force=True)
+    with file.writing() as beside:
+        pq.write_table(merged, beside)
+    return file.path
 
 
 def rows_of(file: Path) -> list[Row]:
