@@ -58,8 +58,9 @@ def packed_occasions(
 
 def packed_note(tick: int, t_ns: int, code: str, text: str, batch: bytes) -> bytes:
     """Frames that are logged and never acted on, such as those of a tick already stepped."""
-    event = topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
-    return topics.FRAMES_RECEIVED.pack(tick, t_ns, batch) + event
+    packing.begin()
+    packing.frames_received(tick, t_ns, batch)
+    return packing.packed() + topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
 
 
 def _status_of(arrival: Arrival) -> int:

@@ -13,7 +13,7 @@ from mypy_extensions import i64
 from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.state import Events, Inputs, Output, Params, State, StrokeReport
 from controller.step import step
 from hil import snapshot
 from hil.errors import ConfigError
@@ -72,6 +72,7 @@ class ControllerLoop:
         self._status_every: i64 = status_every
         self._snapshot_every: i64 = snapshot_every or NEVER
         self._heard = b""  # records of what was heard on the command key
+        self._is_asked = False  # whether somebody waits for what becomes of a command
         self._finished: StrokeReport | None = None  # the last stroke that could fire
 
     def turn(self, batch: bytes | None) -> None:
@@ -117,7 +118,17 @@ class ControllerLoop:
         command = self._command(arrival.tick)
         inputs = Inputs(arrival.tick, arrival.sample, command, arrival.power_w)
         self.state, output = step(self.params, self.state, inputs)
+        if self._is_asked:
+            self._tell_asker(output.events)
         return output
+
+    def _tell_asker(self, events: Events) -> None:
+        """Tell who asked what has become of the command of this tick."""
+        self._is_asked = False
+        refused = [text for code, text in events if code == "command-refused"]
+        mode, tdc_mm = self.state.mode.name.lower(), self.state.set_points.tdc_ref_m * 1e3
+        text = refused[0] if refused else f"mode {mode}, set point {tdc_mm:.3f} mm"
+        self._commands.answer(not refused, self.tick, text)
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
@@ -131,8 +142,7 @@ class ControllerLoop:
     def _command(self, tick: i64) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
         if tick >= self._planned_tick:
-            planned = self._schedule.get(tick)
-            self._planned_tick = min((t for t in self._schedule if t > tick), default=NEVER)
+            planned = self._planned()
             if planned is not None:
                 return planned
         if tick % _COMMAND_EVERY != 0:
@@ -140,14 +150,29 @@ class ControllerLoop:
         received = self._commands.poll()
         return None if received is None else self._heard_from(tick, *received)
 
+    def _planned(self) -> OperatorCommand | None:
+        """The scenario's next order, which may be late: the first sample can be later than it.
+
+        A start waits for samples, as an operator would.
+        """
+        due_tick = self._planned_tick
+        planned = self._schedule[due_tick]
+        if planned.kind == "start" and self.state.stale >= self.params.bounds.stale_ticks:
+            return None
+        self._planned_tick = min((t for t in self._schedule if t > due_tick), default=NEVER)
+        return planned
+
     def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
         """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
         self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
-            return parse(raw, origin)
+            command = parse(raw, origin)
+            self._is_asked = command is not None
+            return command
         except ConfigError as error:
             text = str(error)
+            self._commands.answer(False, tick, text)
             self._heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", text)
             return None
 

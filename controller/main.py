@@ -50,9 +50,8 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = with_outputs(
-        open_link("controller", scenario.link, scenario.loop, terms_of(scenario)), outputs
-    )
+    link = open_link("controller", scenario.link, scenario.loop, terms_of(scenario))
+    connection = with_outputs(link, outputs)
     duty = None
     if service is not None:
         duty = Duty(service.heart, service, connection.commands)

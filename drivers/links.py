@@ -77,7 +77,7 @@ def _open_can(side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | N
     except HilError:
         port.close()
         raise
-    link = CanLink(port, node, loop.period_ns)
+    link = CanLink(port, node, loop.period_ns, terms=terms)
     commands, status = ZenohCommands(node), ZenohStatus(node)
     node.announce()
 

@@ -34,7 +34,8 @@ PATTERNS: Final = (
     "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/recorder/index.py",
     "drivers/polling.py", "drivers/can/assembly.py", "bench/run/offline.py",
-    "bench/run/lockstep.py", "bench/logs/replay/ports.py",
+    "bench/logs/replay/turn.py", "bench/logs/replay/ports.py", "bench/logs/replay/loops.py",
+    "bench/logs/replay/walk.py",
 )  # fmt: skip
 _START_UP: Final = ("__init__.py", "main.py", "build.py", "follow.py", "commands.py")
 """Not worth it: read once, or no more than a wait and a turn."""

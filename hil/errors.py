@@ -55,6 +55,10 @@ class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 
 
+class RefusedError(LinkError):
+    """Another process is already what this one was to be."""
+
+
 class BlockedError(HilError):
     """A refused order or the machine spoilt a run: what was run is not what was asked for."""
 

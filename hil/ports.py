@@ -99,6 +99,9 @@ class CommandSource:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
         raise NotImplementedError
 
+    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+        """Tell who sent the command that was polled last what has become of it; never blocks."""
+
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class StatusSink:

@@ -161,6 +161,7 @@ class PlantLoop:
             event = faults.parse(raw, origin, t_ns)
         except ConfigError as error:
             heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error))
+            commands.answer(False, tick, str(error))
             event = None
         if event is not None:
             ordered = Ordered(raw.decode(), t_ns, self.state.disturbances.next_edge)
@@ -168,6 +169,7 @@ class PlantLoop:
             self.params = faults.with_fault(self.params, ordered.next_edge, event)
             text = f"{event.kind} from {origin}"
             heard += topics.EVENT.pack(tick, t_ns, topics.INFO, "command", text)
+            commands.answer(True, tick, text)
         self._heard = heard
 
     def _catch_up(self, tick: int, slot: Slot) -> None:

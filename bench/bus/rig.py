@@ -168,6 +168,17 @@ class RigPresence:
         """Return both roles."""
         return {"plant", "controller"}
 
+    def is_met(self) -> bool:
+        """They fit: this process has made both."""
+        return True
+
+    def note(self, _code: str, _text: str) -> None:
+        """Nothing happens around a session that is none."""
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return nothing, for the same reason."""
+        return []
+
 
 class Tally(Recorder):
     """A recorder that only counts the plant's misfires."""

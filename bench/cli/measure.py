@@ -14,6 +14,8 @@ LinkChoice = Literal["zenoh", "shm"]
 OutOption = Annotated[
     Path | None, typer.Option(help="Directory of latency.json and pictures; none: print only.")
 ]
+ModelOption = Annotated[Model, typer.Option(help="Engine model of the plant.")]
+LawOption = Annotated[str, typer.Option(help="Law of the controller.")]
 LinkOption = Annotated[LinkChoice, typer.Option(help="How plant and controller are joined.")]
 
 app = typer.Typer(
@@ -61,8 +63,8 @@ def rate(
 def step(
     *,
     ticks: Annotated[int, typer.Option(min=100, max=1_000_000)] = 5000,
-    model: Annotated[Model, typer.Option(help="Engine model of the plant.")] = "harmonic",
-    controller: Annotated[str, typer.Option(help="Law of the controller.")] = "cascade",
+    model: ModelOption = "harmonic",
+    controller: LawOption = "cascade",
     every: Annotated[
         bool, typer.Option("--all", help="Every fast model with every law, whole ticks only.")
     ] = False,
@@ -73,6 +75,20 @@ def step(
     from bench.measure.step_cost import run
 
     raise typer.Exit(run(ticks, out, model, controller, every=every, force=force))
+
+
+@app.command()
+def lockstep(
+    *,
+    seconds: Annotated[float, typer.Option(min=0.5, max=3600.0, help="Of the run.")] = 60.0,
+    model: ModelOption = "harmonic",
+    controller: LawOption = "cascade",
+    out: OutOption = None,
+) -> None:
+    """Print how many times real time a run in one process goes, and the replay of its logs."""
+    from bench.measure.lockstep import run
+
+    raise typer.Exit(run(seconds, out, model, controller))
 
 
 @app.command()

@@ -60,11 +60,15 @@ def campaign(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="Local processes.")] = 2,
     runs: Annotated[int | None, typer.Option(min=1, help="Fewer or more runs.")] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="K/N", help="Only what machine K of N has to run."),
+    ] = None,
 ) -> None:
     """Run thousands of seeded variations on all cores or a cluster; resumable."""
     from bench.studies.campaign import command as work
 
-    raise typer.Exit(work.run(file, out, scheduler, workers, runs))
+    raise typer.Exit(work.run(file, out, scheduler, workers, runs, shard))
 
 
 def register(app: typer.Typer) -> None:

@@ -20,7 +20,7 @@ from bench.dev.golden_cases import CASES, Order, scenario_for
 from bench.logs.diff import Comparison, compare
 from bench.logs.replay.replay import replay_file
 from bench.run import directory as outdir
-from bench.run import lockstep
+from bench.run import offline
 from drivers.channels import MemoryCommands
 from drivers.links import Connection, open_memory
 from drivers.system.process import open_recorder
@@ -80,7 +80,7 @@ def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
         plant_end, controller_end = open_memory()
         loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
         mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
-        lockstep.join(plant_end.link, controller_end.link, mind)
+        offline.join(plant_end.link, controller_end.link, mind)
         waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
         tick, ticks = 0, scenario.ticks
         while tick < ticks:

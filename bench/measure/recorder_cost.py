@@ -19,6 +19,7 @@ from drivers.links import open_memory
 from drivers.memory_link import MemoryLink
 from drivers.recorder.client import Recorder
 from drivers.system.effort import Effort
+from hil import ports
 
 _KEPT: Final = 2000
 _SETTLE_S: Final = 0.3

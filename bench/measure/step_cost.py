@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 import time
@@ -16,7 +17,7 @@ import controller.build
 import plant.build
 from bench.measure.latency import machine
 from bench.measure.step_parts import WARM_UP, Changes, costs_us
-from bench.run import directory, lockstep, scenarios
+from bench.run import directory, offline, scenarios
 from bench.run.resolve import resolve
 from controller.motion.laws import LAWS
 from drivers.links import open_memory
@@ -94,14 +95,14 @@ def measure_all(ticks: int) -> dict[str, dict[str, float | None]]:
     """Return the mean of every fast model and law [us]; None where the law refuses the model."""
     table: dict[str, dict[str, float | None]] = {}
     with tempfile.TemporaryDirectory(prefix="hil-step-") as name:
+        prepare(resolve(scenarios.read("steady", _changes(ticks, []))).realtime)
         for model in FAST:
             for law in LAWS:
                 changes = [("plant.model", model), ("controller.name", law)]
-                scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
-                try:
+                cost = None
+                with contextlib.suppress(ConfigError):
+                    scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
                     cost = min(_whole(scenario, Path(name)).mean_us for _ in range(_TURNS))
-                except ConfigError:
-                    cost = None
                 table.setdefault(model, {})[law] = cost
     return table
 
@@ -116,11 +117,11 @@ def _whole(scenario: Resolved, logs: Path | None) -> Whole:
     try:
         loop = plant.build.make_loop(scenario, ends[0], recorders[0])
         answering = controller.build.make_loop(scenario, ends[1], recorders[1])
-        lockstep.join(ends[0].link, ends[1].link, answering)
-        tick = lockstep.run_ticks(loop, 0, WARM_UP)
+        offline.join(ends[0].link, ends[1].link, answering)
+        tick = offline.run_ticks(loop, 0, WARM_UP)
         middle = (tick + scenario.ticks) // 2
         start_ns = time.perf_counter_ns()
-        tick = lockstep.run_ticks(loop, tick, middle)
+        tick = offline.run_ticks(loop, tick, middle)
         mean_us = (time.perf_counter_ns() - start_ns) / (middle - WARM_UP) * 1e-3
         single_us = _single(loop, tick, scenario.ticks)
     finally:

@@ -121,6 +121,10 @@ def _conclude(
         facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
     for log in (files.plant_log, files.controller_log):
         mend(log)
+    if isinstance(ended.error, InterruptedRunError):  # judging may take longer than a user waits
+        told = summary.summarise_fault(scenario, facts)
+        summary.write(told, files.summary)
+        return told
     try:
         data = read_run(scenario, files)
     except LogError as error:
@@ -134,7 +138,7 @@ def _conclude(
         facts["bus"] = commands.figures(scenario, files)
     told = summary.summarise(data, facts)
     summary.write(told, files.summary)
-    if report and not isinstance(ended.error, InterruptedRunError) and len(data.strokes.t_ns):
+    if report and len(data.strokes.t_ns):
         _write_report(data, told, files)
     return told
 

@@ -25,7 +25,7 @@ from hil.config.scenario import Scenario
 from hil.errors import HilError, RunError
 from hil.files import Output
 
-_LOG_TIMEOUT_S = 30.0
+_LOG_TIMEOUT_S, _INTERRUPT_TIMEOUT_S = 30.0, 1.0
 _HANDLES = 40
 
 
@@ -88,7 +88,7 @@ async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
         await _start(children, scenario, files, on_status)
         end = await supervise(children, interrupt)
     wall_s = time.monotonic() - start_s
-    await _collect(children, files)
+    await _collect(children, files, _INTERRUPT_TIMEOUT_S if end.interrupted else _LOG_TIMEOUT_S)
     processes = {child.name: _facts(child) for child in children}
     error = error_of(end, children, files)
     return Ended(processes, wall_s, started, error, error.exit_code if error else 0)
@@ -110,13 +110,17 @@ async def _start(
         children.append(await Child.start(name, f"{name}.main", arguments, on_status))
 
 
-async def _collect(children: list[Child], files: RunFiles) -> None:
-    """Wait for the recorders, which outlive their processes, and keep what was said."""
+async def _collect(children: list[Child], files: RunFiles, timeout_s: float) -> None:
+    """Wait for the recorders, which outlive their processes, and keep what was said.
+
+    One that has not finished within the time goes on by itself.
+    """
     for log in (files.plant_log, files.controller_log):
         if log.exists():
-            await asyncio.to_thread(wait_finished, log, _LOG_TIMEOUT_S)
+            with contextlib.suppress(RunError):
+                await asyncio.to_thread(wait_finished, log, timeout_s)
     for child in children:
-        await child.drain(_LOG_TIMEOUT_S)
+        await child.drain(timeout_s)
         if child.errors:
             Output("--out", files.errors_of(child.name), force=True).write(child.errors)
 

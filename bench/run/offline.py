@@ -1,13 +1,13 @@
-"""The closed loop without wire, processes and log: plant step and controller step in turn.
+"""The closed loop in one thread: over a link in memory, or without wire, processes and log.
 
-The same step functions as in the processes, so the same strokes to the resolution of the wire;
-what tuning and comparisons run thousands of times.
+Without them the step functions of plant and controller run in turn, the same as in the processes,
+so the same strokes to the resolution of the wire: what tuning and comparisons run by the thousand.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 from mypy_extensions import i64
 
@@ -15,18 +15,55 @@ import controller.build
 import controller.step
 import plant.build
 from controller.actuator import MAX_PULSES
+from controller.loop import ControllerLoop
 from controller.state import Inputs, Output
+from drivers.memory_link import MemoryLink
 from hil.config.resolved import Resolved
+from hil.ports import Link
 from hil.rounding import nearest
 from hil.values import NEVER
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import PistonSample
 from hil.wire.pulses import PulseOrder, wrap_us
 from plant.engines.machine import MachineOrder
+from plant.loop import PlantLoop
 from plant.rig.events import Event
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
 from plant.sensors import sample, sensed
+
+
+@final
+class Answerer:
+    """Gives the controller its turn when a sample has been sent."""
+
+    def __init__(self, loop: ControllerLoop, link: Link) -> None:
+        self._loop = loop
+        self._link = link
+
+    def turn(self) -> None:
+        """Take what was sent, and answer it."""
+        self._loop.turn(self._link.receive())
+
+
+def join(
+    plant_end: Link, controller_end: Link, controller: ControllerLoop
+) -> tuple[MemoryLink, MemoryLink]:
+    """Let the controller answer inside the plant's send; returns both ends, known as what they are.
+
+    Raises: TypeError when they are not two ends in memory
+    """
+    if not (isinstance(plant_end, MemoryLink) and isinstance(controller_end, MemoryLink)):
+        raise TypeError("only ends in memory can be joined")
+    plant_end.on_send = Answerer(controller, controller_end).turn
+    return plant_end, controller_end
+
+
+def run_ticks(loop: PlantLoop, tick: i64, end: i64) -> int:
+    """Run the plant from one tick up to another; return that tick."""
+    while tick < end:
+        tick = loop.turn(tick)
+    return tick
 
 
 class Course(NamedTuple):

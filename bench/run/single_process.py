@@ -12,7 +12,7 @@ from pathlib import Path
 import controller.build
 import controller.follow
 import plant.build
-from bench.run import lockstep
+from bench.run import offline
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import Connection, open_memory
@@ -87,11 +87,8 @@ def _joined(
     for name, end in (("plant", plant_end), ("controller", controller_end)):
         assert isinstance(end.status, MemoryStatus)
         end.status.on_publish = _tell_of(name)
-    links = plant_end.link, controller_end.link
-    assert isinstance(links[0], MemoryLink)
-    assert isinstance(links[1], MemoryLink)
-    lockstep.join(links[0], links[1], controller_loop)
-    return plant_loop, controller_loop, (links[0], links[1])
+    links = offline.join(plant_end.link, controller_end.link, controller_loop)
+    return plant_loop, controller_loop, links
 
 
 def _watch(recorders: Recorders, scenario: Resolved, stop: Stop) -> None:
@@ -103,7 +100,7 @@ def _turn_until(loop: PlantLoop, ticks: int, stop: Stop) -> int:
     """Run for so many ticks, or until it is asked to end; returns the tick reached."""
     tick = 0
     while tick < ticks and not stop.requested:
-        tick = lockstep.run_ticks(loop, tick, min(tick + _LOOK_EVERY, ticks))
+        tick = offline.run_ticks(loop, tick, min(tick + _LOOK_EVERY, ticks))
     return tick
 
 

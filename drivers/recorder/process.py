@@ -65,6 +65,8 @@ class Sink:
 
     def flush(self) -> None:
         """Write the whole records collected so far as a chunk."""
+        if self.error is not None:
+            return
         data = bytes(self._pending)
         try:
             index = index_messages(data)
@@ -81,16 +83,16 @@ class Sink:
 
     def note(self, loss: Loss) -> None:
         """Write an event about puts that were given up since the last one, if there are any."""
-        if loss.puts == self._noted.puts or self.error is not None:
+        if loss.puts == self._noted.puts:
             return
         self.flush()
+        if self.error is not None:
+            return
         data = EVENT.pack(*self._last, WARNING, "log-dropped", loss_text(self._noted, loss))
         self._noted = loss
         self._write(data, index_messages(data))
 
     def _write(self, data: bytes, index: MessageIndex) -> None:
-        if self.error is not None:
-            return
         try:
             self._file.add_chunk(data, index)
         except OSError as error:

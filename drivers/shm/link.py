@@ -170,6 +170,10 @@ class ShmLink(Link):
         back = self._in.dynamic_config.number_of_publishers
         return bool(ends and back)
 
+    def reports(self) -> bool:
+        """Whether there is something to notice: who else comes to the session."""
+        return True
+
     def notices(self) -> list[tuple[str, str]]:
         """Return (code, text) of what happened around the session since the last time."""
         return self._presence.notices()

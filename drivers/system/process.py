@@ -199,7 +199,7 @@ class Stop:
         Raises: RunError
         """
         if self.cause:
-            raise RunError(self.cause)
+            raise RunError(self.cause) from None
 
     def wait_for_peer(self, link: Link, timeout_s: float) -> None:
         """Wait for the peer; a request to end is followed at once.
@@ -209,7 +209,8 @@ class Stop:
         """
         try:
             self._at_once = True
-            self.raise_if_caused()
+            if self.requested:  # before anybody could follow it at once
+                raise KeyboardInterrupt
             link.wait_for_peer(timeout_s)
         except KeyboardInterrupt:
             self.raise_if_caused()

@@ -95,6 +95,10 @@ class ZenohLink(Link):
                 raise LinkError(absent + self._node.absence())
             time.sleep(_PEER_POLL_S)
 
+    def reports(self) -> bool:
+        """Whether there is something to notice: who else comes to the session."""
+        return True
+
     def notices(self) -> list[tuple[str, str]]:
         """Return (code, text) of what happened around the session since the last time."""
         return self._node.notices()

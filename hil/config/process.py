@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -56,12 +56,31 @@ class LoopConfig(Section):
         return max(self.rate_hz // SNAPSHOT_HZ, 1)
 
 
+CommonName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._@-]{0,63}$")]
+CommonNames = Annotated[tuple[CommonName, ...], Field(min_length=1, max_length=16)]
+
+
+class RolesConfig(Section):
+    """Whose certificate, by its common name, may be what.
+
+    plant, controller: this process
+    operator: gives commands
+    observer: sees the status
+    """
+
+    plant: CommonNames = ("plant",)
+    controller: CommonNames = ("controller",)
+    operator: CommonNames = ("operator",)
+    observer: CommonNames = ("observer",)
+
+
 class TlsConfig(Section):
     """Mutual TLS of a Zenoh endpoint that leaves the machine."""
 
     root_ca_certificate: Path
     certificate: Path
     private_key: Path
+    roles: RolesConfig = RolesConfig()
 
 
 class ZenohConfig(Section):

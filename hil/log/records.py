@@ -194,6 +194,7 @@ class Topic:
         self._names = [field.name for field in fields]
         if not {"tick", "t_ns"} <= set(self._names):
             raise ValueError("a log record needs the fields tick and t_ns")
+        self._tick_at, self._t_ns_at = self._names.index("tick"), self._names.index("t_ns")
         pad = -layout.size % 4 if layout.variable else 0
         self.length = PAYLOAD_OFFSET - 9 + layout.size + pad
         self.payload_format = f"{layout.format[1:]}{'x' * pad}"
@@ -210,13 +211,12 @@ class Topic:
             values = (*values, *[named.pop(name) for name in self._names[len(values) :]])
         if named or len(values) != len(self._names):
             raise TypeError(f"{self.name} has the fields {', '.join(self._names)}")
-        told = dict(zip(self._names, values, strict=True))
+        tick, t_ns = values[self._tick_at], values[self._t_ns_at]
         cut = len(values) - len(self.layout.variable)
         numbers: list[Any] = []
         for value in values[:cut]:
             numbers += value if isinstance(value, tuple) else (value,)
         tail = _pack_tail(values[cut:])
         return self._into_one(
-            MESSAGE, self.length + len(tail), self.channel_id, told["tick"], told["t_ns"],
-            told["t_ns"], CDR_LE, *numbers,
+            MESSAGE, self.length + len(tail), self.channel_id, tick, t_ns, t_ns, CDR_LE, *numbers
         ) + tail  # fmt: skip

@@ -135,7 +135,11 @@ class Decoder:
             else:
                 self.unknown += 1
                 continue
-            if not stream.receive(word) and not self._comes_out_of_turn(stream, word):
+            counter = stream.counter + 1 & 0xF
+            bare = word ^ stream.marks[counter]
+            if bare == stream.bare and stream.message is not None:
+                stream.counter = counter
+            elif not (stream.take(counter, bare) or self._comes_out_of_turn(stream, word)):
                 continue
             if stream.message is None:
                 self.out_of_range += 1
@@ -152,10 +156,7 @@ class Decoder:
         if crc8(bare) != bare & 0xFFF:
             self.corrupted += 1
             return False
-        if not self._may_follow(stream, counter):
-            return False
-        stream.take(counter, bare)
-        return True
+        return self._may_follow(stream, counter) and stream.take(counter, bare)
 
     def _may_follow(self, stream: Stream[Any], counter: i64) -> bool:
         """Judge a counter that is not the next one: accept after a loss, refuse what is old."""

@@ -307,6 +307,9 @@ class OnceOrdered(CommandSource):
         self.looks += 1
         return ("desk", ORDERED) if self.looks == 3 else None
 
+    def answer(self, *_told):
+        pass
+
 
 @pytest.fixture
 def ordered_run(tmp_path, monkeypatch):

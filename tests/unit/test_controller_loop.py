@@ -68,8 +68,13 @@ class Status(ports.StatusSink, UserList):
 
 
 class Commands(ports.CommandSource, UserList):
+    answers = ()
+
     def poll(self):
         return self.pop(0) if self else None
+
+    def answer(self, *told):
+        self.answers = (*self.answers, told)
 
 
 class Bench:
@@ -340,3 +345,21 @@ def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
     bench.turn(0)
     (status,) = bench.status
     assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)
+
+
+def test_an_order_that_was_due_before_the_first_sample_is_followed_with_it():
+    bench = Bench(running=False, schedule={2: OperatorCommand("start")})
+    bench.turn(7, 8)
+    assert bench.loop.state.mode is Mode.MOTORING
+    assert "mode motoring" in bench.log.codes()
+
+
+def test_a_planned_start_waits_for_samples():
+    bench = Bench(running=False, schedule={12: OperatorCommand("start")})
+    bench.turn(0)
+    for _ in range(bench.loop.params.bounds.stale_ticks + 4):
+        bench.loop.turn(None)
+    assert bench.loop.tick > 12
+    assert bench.loop.state.mode is Mode.OFF
+    bench.turn(bench.loop.tick + 1, bench.loop.tick + 2)
+    assert bench.loop.state.mode is Mode.MOTORING

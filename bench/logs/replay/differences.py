@@ -7,7 +7,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from bench.logs.replay.turns import Turn, split
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import split
 from hil.log import Log, topics
 from hil.log.coding import of_layout
 from hil.log.part import TopicInfo

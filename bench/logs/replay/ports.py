@@ -6,7 +6,7 @@ from typing import final
 
 from mypy_extensions import i64
 
-from bench.logs.replay.turns import Turn
+from bench.logs.replay.turn import Turn
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 

@@ -18,7 +18,8 @@ from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
 from bench.logs.replay.outcome import Found, Gap, Outcome
 from bench.logs.replay.rig import replay_rig
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from hil import log as logs
 from hil.config.check import check_json
 from hil.config.resolved import Resolved
@@ -162,8 +163,8 @@ class _Comparison:
                 continue
             if turn.tick * self._period_ns > span.end_ns:
                 break
-            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick >= 0:
-                self.gaps.append(Gap(self.loop.next_tick, -1))
+            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick() >= 0:
+                self.gaps.append(Gap(self.loop.next_tick(), -1))
                 waiting = not self._resumed(turn)
                 continue
             self._compare(turn)

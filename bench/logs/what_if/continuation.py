@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
 from bench.run import directory as outdir
-from bench.run import lockstep
+from bench.run import offline
 from bench.run.directory import RunFiles
 from controller.loop import ControllerLoop
 from drivers.links import Connection, open_memory
@@ -135,7 +136,7 @@ def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     controller_loop, in_flight = _brought_to(both[1], "controller", scenario, tick, notes)
     assert isinstance(plant_loop, ReplayedPlant)
     assert isinstance(controller_loop, ReplayedController)
-    if plant_loop.next_tick != tick:
+    if plant_loop.next_tick() != tick:
         raise both[0].error(f"ends before tick {tick}, or skipped it")
     if scenario.loop.clock == "realtime":
         notes.append("recorded in real time, continued in lockstep: every answer comes in time")
@@ -190,10 +191,10 @@ def _play(log: Log, loop: Loop, recorded: Iterator[Turn], between: tuple[int, in
         if turn.tick >= end:
             break
         is_note = turn.first_tick < 0
-        if turn.tick < start if not is_note else loop.next_tick <= start:
+        if turn.tick < start if not is_note else loop.next_tick() <= start:
             continue
-        if not is_note and turn.first_tick != loop.next_tick >= 0:
-            raise log.error(f"ticks are missing between {loop.next_tick} and {end}")
+        if not is_note and turn.first_tick != loop.next_tick() >= 0:
+            raise log.error(f"ticks are missing between {loop.next_tick()} and {end}")
         same = loop.turn(turn) == turn.recorded and same
     return same
 
@@ -238,7 +239,7 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     plant_loop = _plant(resumed, wanted, plant_end, recorders["plant"])
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
     controller_end.link.send(resumed.in_flight)
-    lockstep.join(plant_end.link, controller_end.link, controller_loop)
+    offline.join(plant_end.link, controller_end.link, controller_loop)
     t_ns = resumed.tick * scenario.loop.period_ns
     for name, memory in (
         ("plant", plant_loop.remember()),

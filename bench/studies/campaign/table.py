@@ -25,6 +25,12 @@ FIGURES = (
 )
 QUANTILES = (50, 95, 100)
 
+COLUMNS = (
+    "run", "set_controller", "lost", "mode", "note", "contacts", "misfires", "forced_misfires",
+    *(key for key, _, _ in FIGURES),
+)  # fmt: skip
+"""All that table and pictures are made of."""
+
 _LEGEND = (
     "Distributions: median / 95 % / worst of the runs that were not lost. Settling: `band` to"
     " max(0.1 mm, 3 sigma), `mean` of ten strokes to 0.1 mm; `unsettled`: runs not lost whose mean"
