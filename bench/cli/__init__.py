@@ -12,12 +12,13 @@ from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
-from bench.cli.options import Assignments
+from bench.cli.options import Arguments, Assignments, Force
 from hil import compiled
 from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
     name="hil",
+    cls=Arguments,
     help="Hardware-in-the-loop bench for a free-piston engine generator.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -120,19 +121,19 @@ LogOption = Annotated[Path | None, typer.Option("--log", help="MCAP file to writ
 
 
 @app.command()
-def plant(config: ConfigOption, log: LogOption = None) -> None:
+def plant(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the plant process alone."""
     from bench.run import commands
 
-    raise typer.Exit(commands.process("plant", config, log))
+    raise typer.Exit(commands.process("plant", config, log, force=force))
 
 
 @app.command()
-def controller(config: ConfigOption, log: LogOption = None) -> None:
+def controller(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the controller process alone."""
     from bench.run import commands
 
-    raise typer.Exit(commands.process("controller", config, log))
+    raise typer.Exit(commands.process("controller", config, log, force=force))
 
 
 @app.command()
@@ -141,11 +142,13 @@ def report(
     picture: Annotated[
         Path | None, typer.Option(help="Also write the overview alone, as an SVG file.")
     ] = None,
+    *,
+    force: Force = False,
 ) -> None:
     """Judge and draw a finished run again, from its logs."""
     from bench.run import commands
 
-    raise typer.Exit(commands.report(directory, picture))
+    raise typer.Exit(commands.report(directory, picture, force=force))
 
 
 @app.command()

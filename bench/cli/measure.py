@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from bench.cli.options import Force
+
 Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
 LinkChoice = Literal["zenoh", "shm"]
 OutOption = Annotated[
@@ -33,11 +35,12 @@ def latency(
     rounds: Annotated[int, typer.Option(min=1, max=100, help="Turns of all in order.")] = 4,
     seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of each turn [s].")] = 5.0,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Measure loop, cyclictest and a bare ping-pong in turns, and compare them."""
     from bench.measure.latency import Plan, run
 
-    raise typer.Exit(run(Plan(link, rate, rounds, seconds), out))
+    raise typer.Exit(run(Plan(link, rate, rounds, seconds), out, force=force))
 
 
 @app.command()
@@ -48,11 +51,12 @@ def rate(
     highest: Annotated[int, typer.Option(min=50, max=20_000)] = 20_000,
     seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of each trial [s].")] = 10.0,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Find the highest rate with at most 1 in 10 000 deadlines missed."""
     from bench.measure.highest_rate import run
 
-    raise typer.Exit(run(link, (lowest, highest), seconds, out))
+    raise typer.Exit(run(link, (lowest, highest), seconds, out, force=force))
 
 
 @app.command()
@@ -65,11 +69,12 @@ def step(
         bool, typer.Option("--all", help="Every fast model with every law, whole ticks only.")
     ] = False,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Print what a tick of both loops costs, and each part of it."""
     from bench.measure.step_cost import run
 
-    raise typer.Exit(run(ticks, out, model, controller, every=every))
+    raise typer.Exit(run(ticks, out, model, controller, every=every, force=force))
 
 
 @app.command()
@@ -91,11 +96,12 @@ def recorder(
     *,
     ticks: Annotated[int, typer.Option(min=10_000, max=100_000_000)] = 1_000_000,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Print how many ticks a second a recorder process takes, compression included."""
     from bench.measure.recorder_cost import run
 
-    raise typer.Exit(run(ticks, out))
+    raise typer.Exit(run(ticks, out, force=force))
 
 
 @app.command()

@@ -29,6 +29,7 @@ from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
+from hil.files import Output
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
 from hil.ports import Recorder
@@ -217,7 +218,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
     """
     outdir.make_directory("--out", out)
     text = wanted.scenario.model_dump_json(indent=1)
-    (out / "scenario.json").write_text(text, encoding="utf-8")
+    Output("--out", out / "scenario.json").write(text)
     more = {"continues": {"of": str(of), "tick": str(resumed.tick), **wanted.told}}
     with contextlib.ExitStack() as stack:
         recorders: dict[str, Any] = {}
