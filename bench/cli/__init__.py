@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -152,8 +152,25 @@ def report(
 
 
 @app.command()
-def check() -> None:
-    """Say what this machine can do, and how to mend what it cannot."""
+def check(
+    what: Annotated[
+        Literal["machine", "trust"],
+        typer.Argument(help="What this machine can do, or is promised."),
+    ] = "machine",
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="Few tries of each attack.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the table as a page (.md).")
+    ] = None,
+) -> None:
+    """Say what this machine can do and how to mend what it cannot; or attack what is promised.
+
+    `trust` kills, stops and floods runs and damages logs. Exit code 1: a promise was not kept.
+    """
+    if what == "trust":
+        from bench.trust.page import run as attack
+
+        raise typer.Exit(attack(out, quick=quick))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())
