@@ -162,6 +162,7 @@ def check(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the table as a page (.md).")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Say what this machine can do and how to mend what it cannot; or attack what is promised.
 
@@ -169,8 +170,10 @@ def check(
     """
     if what == "trust":
         from bench.trust.page import run as attack
+        from hil.files import Output
 
-        raise typer.Exit(attack(out, quick=quick))
+        page = None if out is None else Output("--out", out, force)
+        raise typer.Exit(attack(page, quick=quick))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())
