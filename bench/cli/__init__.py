@@ -162,6 +162,7 @@ def check(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the table as a page (.md).")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Say what this machine can do and how to mend what it cannot; or attack what is promised.
 
@@ -170,7 +171,7 @@ def check(
     if what == "trust":
         from bench.trust.page import run as attack
 
-        raise typer.Exit(attack(out, quick=quick))
+        raise typer.Exit(attack(out, quick=quick, force=force))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())

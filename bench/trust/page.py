@@ -13,10 +13,10 @@ from typing import Final
 from rich.console import Console
 
 from bench.dev.markdown import table
-from bench.run import directory
 from bench.trust import damage, floods, kills, stops
 from bench.trust.attack import Attack, Field, Tally
 from drivers.system.process import git_hash
+from hil.files import Output
 
 ALL: Final = (
     Attack("kills", "SIGKILL to any process of a run, at any moment, over every link",
@@ -54,10 +54,11 @@ _OTHERS: Final = (
 )  # fmt: skip
 
 
-def run(out: Path | None, *, quick: bool, seed: int = 1) -> int:
+def run(out: Path | None, *, quick: bool, force: bool = False, seed: int = 1) -> int:
     """Make every attack, print the table, and write the page; 0 when nothing was lost."""
-    if out is not None:
-        directory.check_file("--out", out, ".md")
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".md")
     console = Console(highlight=False)
     begin_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="hil-trust-") as place:
@@ -66,8 +67,8 @@ def run(out: Path | None, *, quick: bool, seed: int = 1) -> int:
         )
         rows = [(attack, attack.tries(field)) for attack in ALL]
     _print(console, rows)
-    if out is not None:
-        out.write_text(_page(rows, time.monotonic() - begin_s), encoding="utf-8")
+    if file is not None:
+        file.write(_page(rows, time.monotonic() - begin_s))
     return int(any(tally.lost for _, tally in rows))
 
 
