@@ -40,7 +40,7 @@ def guard() -> None:
 def is_interrupt(error: BaseException | None) -> bool:
     """Whether an error came of an interrupt, as when a module in C fails to load because of it."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     return error is not None
 
 

@@ -16,7 +16,7 @@ from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
 from controller.safety import Limits
 from controller.supervisory import SetPoints
-from controller.timing.plan import Plan, PlannedPulse, Timings
+from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
 from hil.config.controller import ControllerConfig, StartConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
@@ -72,13 +72,16 @@ class State(Value):
     """Everything that the controller remembers from tick to tick, a value for each layer.
 
     stale: ticks in a row without a sample; pulses: those on the wire, not closed yet
+    ahead: what is ordered for the dead centre ahead until the law has been asked
     """
 
-    __slots__ = ("motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses")
+    __slots__ = (
+        "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
+    )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
-        fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...],
+        fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -87,6 +90,12 @@ class State(Value):
         self.fuelling = fuelling
         self.plan = plan
         self.pulses = pulses
+        self.ahead = ahead
+
+    @property
+    def in_force(self) -> Plan:
+        """The plan for the dead centre ahead: the law's, or what was ordered long before."""
+        return self.plan if self.plan.fuel_kg > 0.0 else self.ahead
 
     @property
     def mode(self) -> Mode:

@@ -7,14 +7,17 @@ for; it is written beside its place and gets its name when it is whole.
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Final, NamedTuple
 
-from hil.errors import ConfigError, HilError
+from hil.errors import ConfigError, HilError, RunError
+
+_NO_ROOM: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 
 def open_regular(path: Path, kind: type[HilError] = ConfigError) -> IO[bytes]:
@@ -28,7 +31,7 @@ def open_regular(path: Path, kind: type[HilError] = ConfigError) -> IO[bytes]:
         raise kind(f"{path}: {_why(error)}") from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise kind(f"{path}: {_kind_of(path)}: accepted is a regular file")
+        raise kind(f"{path}: {_kind_of(path)}")
     return os.fdopen(descriptor, "rb")
 
 
@@ -42,92 +45,96 @@ def read_regular(path: Path, kind: type[HilError] = ConfigError) -> bytes:
 
 
 def _kind_of(path: Path) -> str:
-    return "a directory" if path.is_dir() else "no regular file (a pipe, a socket or a device)"
+    if path.is_dir():
+        return os.strerror(errno.EISDIR)
+    return "a pipe, a socket or a device; accepted is a regular file"
 
 
 def _why(error: OSError | ValueError) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
-def check_output(
-    option: str, path: Path, *suffixes: str, force: bool = False, inputs: Iterable[Path] = ()
-) -> None:
-    """Refuse a file that must not or could not be written after the work; leave nothing behind.
+class Output(NamedTuple):
+    """A file that a command is to write: `option` names it, `inputs` are what the command reads."""
 
-    Raises: ConfigError naming the option and what is accepted
-    """
-    named = f"{option} {path}"
-    if not path.name:
-        raise ConfigError(f"{option} {str(path)!r}: accepted is the name of a file")
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise ConfigError(f"{named}: accepted is a name ending in {', '.join(suffixes)}")
-    try:
-        _check_place(named, path, force=force, inputs=inputs)
-        beside = _beside(path)
-        beside.open("xb").close()
-        beside.unlink()
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{named}: {_why(error)}") from None
+    option: str
+    path: Path
+    force: bool = False
+    inputs: tuple[Path, ...] = ()
 
+    def check(self, *suffixes: str) -> None:
+        """Refuse a file that must not or could not be written after the work.
 
-def _check_place(named: str, path: Path, *, force: bool, inputs: Iterable[Path]) -> None:
-    if not os.path.lexists(path):
-        return
-    if path.exists() and any(other.exists() and path.samefile(other) for other in inputs):
-        told = "exists already, and is read by this command; accepted is another name"
-        raise ConfigError(f"{named}: {told}")
-    if path.exists() and not path.is_file():
-        raise ConfigError(f"{named}: {_kind_of(path)}: accepted is a regular file")
-    if not force:
-        raise ConfigError(f"{named}: exists already; accepted is another name, or --force")
+        Nothing is left behind.
 
-
-@contextmanager
-def output(
-    option: str, path: Path, *, force: bool = False, inputs: Iterable[Path] = ()
-) -> Iterator[Path]:
-    """Yield a name beside the file to write to; what is whole gets the file's name at the end.
-
-    Raises: ConfigError naming the option when it must not or cannot be written
-    """
-    named = f"{option} {path}"
-    try:
-        beside = _beside(path)
+        Raises: ConfigError naming the option and what is accepted
+        """
+        if suffixes and self.path.suffix.lower() not in suffixes:
+            raise self._refusal(f"accepted is a name ending in {', '.join(suffixes)}")
         try:
-            yield beside
-            _check_place(named, path, force=force, inputs=inputs)
-            _put_in_place(beside, path, force=force)
-        finally:
-            beside.unlink(missing_ok=True)
-    except FileExistsError:
-        raise ConfigError(
-            f"{named}: exists already; accepted is another name, or --force"
-        ) from None
-    except OSError as error:
-        raise ConfigError(f"{named}: {_why(error)}") from None
+            self._check_place()
+            beside = self._beside()
+            beside.open("xb").close()
+            beside.unlink()
+        except (OSError, ValueError) as error:
+            raise self._told(error) from None
 
+    @contextmanager
+    def writing(self) -> Iterator[Path]:
+        """Yield a name beside the file to write to; what is whole gets the file's name at the end.
 
-def write_output(
-    option: str, path: Path, content: str | bytes, *, force: bool = False,
-    inputs: Iterable[Path] = (),
-) -> None:  # fmt: skip
-    """Write a whole file, as `output`."""
-    data = content.encode() if isinstance(content, str) else content
-    with output(option, path, force=force, inputs=inputs) as beside:
-        beside.write_bytes(data)
+        Raises: ConfigError when it must not or cannot be written, RunError when there is no room
+        """
+        try:
+            beside = self._beside()
+            try:
+                yield beside
+                self._check_place()
+                self._put_in_place(beside)
+            finally:
+                beside.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._told(error) from None
 
+    def write(self, content: str | bytes) -> None:
+        """Write the whole file, as `writing`."""
+        data = content.encode() if isinstance(content, str) else content
+        with self.writing() as beside:
+            beside.write_bytes(data)
 
-def _beside(path: Path) -> Path:
-    """Return a name in the same directory that is nobody else's, with the same ending."""
-    target = path.resolve()
-    return target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
-
-
-def _put_in_place(beside: Path, path: Path, *, force: bool) -> None:
-    """Give a file its name; without force not over another that has come meanwhile."""
-    target = path.resolve()
-    if not force:
-        with suppress(PermissionError, NotImplementedError):  # a file system without links
-            os.link(beside, target)
+    def _check_place(self) -> None:
+        path = self.path
+        if not path.exists():
             return
-    beside.replace(target)
+        if any(other.exists() and path.samefile(other) for other in self.inputs):
+            raise self._refusal(
+                "exists already, and is read by this command; accepted is another name"
+            )
+        if not path.is_file():
+            raise self._refusal(_kind_of(path))
+        if not self.force:
+            raise self._refusal("exists already; accepted is another name, or --force")
+
+    def _beside(self) -> Path:
+        """Return a name in the same directory that is nobody else's, with the same ending."""
+        target = self.path.resolve()
+        return target.with_name(f".{target.stem[:100]}.{os.getpid()}.part{target.suffix}")
+
+    def _put_in_place(self, beside: Path) -> None:
+        """Give the file its name; without force not over another that has come meanwhile."""
+        target = self.path.resolve()
+        if not self.force:
+            with suppress(PermissionError, NotImplementedError):  # a file system without links
+                os.link(beside, target)
+                return
+        beside.replace(target)
+
+    def _refusal(self, text: str) -> ConfigError:
+        return ConfigError(f"{self.option} {self.path}: {text}")
+
+    def _told(self, error: OSError | ValueError) -> HilError:
+        if isinstance(error, FileExistsError):
+            return self._refusal("exists already; accepted is another name, or --force")
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            return RunError(f"{self.option} {self.path}: {_why(error)}")
+        return self._refusal(_why(error))

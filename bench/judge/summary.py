@@ -15,6 +15,7 @@ from bench.run.directory import RunFiles
 from drivers.system.process import versions
 from hil.config.resolved import Resolved
 from hil.errors import PEER_LOST, BlockedError, LogError
+from hil.files import Output
 
 SCHEMA = 1
 
@@ -109,7 +110,8 @@ def _tail(scenario: Resolved, run: dict[str, Any]) -> Summary:
 
 def write(summary: Summary, path: Path) -> None:
     """Write a summary; a figure that is no finite number becomes null."""
-    path.write_text(json.dumps(_finite(summary), indent=1) + "\n", encoding="utf-8")
+    text = json.dumps(_finite(summary), indent=1)
+    Output("summary", path, force=True).write(f"{text}\n")
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401

@@ -13,9 +13,10 @@ from typing import Any, Self
 import numpy as np
 
 from bench.logs.export_mf4 import to_mf4
-from bench.logs.exported import Exported, Outcome, Rule, library
+from bench.logs.exported import Exported, Outcome, library
 from bench.run import directory
 from hil.errors import LogError
+from hil.files import Output
 from hil.log import Log, Span
 from hil.log.coding import UndecodableError
 from hil.log.records import SCALARS
@@ -38,32 +39,32 @@ def export(
     chosen = topics or [name for name, info in log.topics.items() if info.messages]
     for name in chosen:
         log.units(name)  # tells an unknown topic
-    rule = Rule(force, tuple(part.path for part in log.parts))
+    inputs = tuple(part.path for part in log.parts)
+    target = Output("--out", out, force, inputs)
     if kind == "mf4":
-        done = to_mf4(log, out, chosen, span, rule)
+        done = to_mf4(log, target, chosen, span)
     else:
-        done = _to_directory(log, kind, out, chosen, span, rule)
+        done = _to_directory(log, kind, target, chosen, span)
     if done.skipped and not done.files:
         raise LogError(f"{log.path}: nothing exported: {'; '.join(done.skipped)}")
     return done
 
 
-def _to_directory(
-    log: Log, kind: str, out: Path, topics: list[str], span: Span, rule: Rule
-) -> Outcome:
+def _to_directory(log: Log, kind: str, target: Output, topics: list[str], span: Span) -> Outcome:
     """Write a file a topic."""
     write: Callable[..., int] = {"parquet": _to_parquet, "csv": _to_csv}[kind]
     library("pyarrow", "this export")
-    paths = {name: out / f"{stem}.{kind}" for name, stem in _stems(topics).items()}
-    directory.make_directory("--out", out)
-    for path in paths.values():
-        rule.check(path)
+    stems = _stems(topics)
+    files = {t: target._replace(path=target.path / f"{stems[t]}.{kind}") for t in topics}
+    directory.make_directory("--out", target.path)
+    for file in files.values():
+        file.check()
     done = Outcome([], [])
-    for name, path in paths.items():
+    for name, file in files.items():
         try:
-            with rule.output(path) as beside:
+            with file.writing() as beside:
                 rows = write(log, name, beside, span)
-            done.files.append(Exported(path, rows))
+            done.files.append(Exported(file.path, rows))
         except UndecodableError as error:
             done.skipped.append(str(error).removeprefix(f"{log.path}: "))
     return done

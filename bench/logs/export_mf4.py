@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.logs.exported import Exported, Outcome, Rule, library
+from bench.logs.exported import Exported, Outcome, library
 from bench.run import directory
+from hil.files import Output
 from hil.log import Log, Span
 from hil.log.coding import UndecodableError
 from hil.log.tables import column_units, timed_columns
@@ -18,12 +18,13 @@ from hil.log.tables import column_units, timed_columns
 _ROW_GROUP = 65_536
 
 
-def to_mf4(log: Log, out: Path, topics: list[str], span: Span, rule: Rule) -> Outcome:
+def to_mf4(log: Log, target: Output, topics: list[str], span: Span) -> Outcome:
     """One measurement file with a channel group a topic; text and frames have no place in it."""
     mdf = library("asammdf", "export to MF4")
-    path = out if out.suffix == ".mf4" else out.with_name(f"{out.name}.mf4")
-    directory.make_directory("--out", path.parent)
-    rule.check(path)
+    if target.path.suffix != ".mf4":
+        target = target._replace(path=target.path.with_name(f"{target.path.name}.mf4"))
+    directory.make_directory("--out", target.path.parent)
+    target.check()
     written, skipped = 0, []
     with mdf.MDF(version="4.10") as file:
         for topic in topics:
@@ -37,9 +38,9 @@ def to_mf4(log: Log, out: Path, topics: list[str], span: Span, rule: Rule) -> Ou
                 skipped.append(str(error).removeprefix(f"{log.path}: "))
         if topics and len(skipped) == len(topics):
             return Outcome([], skipped)
-        with rule.output(path) as beside:
+        with target.writing() as beside:
             file.save(beside, overwrite=True)
-    return Outcome([Exported(path, written)], skipped)
+    return Outcome([Exported(target.path, written)], skipped)
 
 
 def _add_group(mdf: Any, file: Any, log: Log, topic: str, span: Span) -> int:  # noqa: ANN401

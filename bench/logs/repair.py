@@ -11,7 +11,7 @@ from drivers.recorder.index import index_messages
 from drivers.recorder.mcap_file import McapFile
 from hil import log as logs
 from hil.errors import LogError
-from hil.files import check_output, output
+from hil.files import Output
 from hil.log.repair import Salvage, survey, whole_messages
 from hil.log.verify import verify
 
@@ -38,12 +38,13 @@ def repair(path: Path, out: Path | None = None, *, force: bool = False) -> Repai
     Raises: LogError when nothing can be saved, or the new file does not read back as it was
         written; ConfigError when it cannot be written
     """
-    target = out or default_out(path)
+    file = Output("--out", out or default_out(path), force, (path,))
+    target = file.path
     found = survey(path)
     if found.lost and not found.whole:
         raise LogError(f"{path}: nothing can be saved: {found.lost[0]}; no whole chunk was found")
-    check_output("--out", target, force=force, inputs=(path,))
-    with output("--out", target, force=force, inputs=(path,)) as beside:
+    file.check()
+    with file.writing() as beside:
         fd = os.open(beside, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         try:
             written = _write(path, fd, found)

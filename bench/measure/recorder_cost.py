@@ -47,16 +47,15 @@ class Cost(NamedTuple):
     written_a_tick: float
 
 
-def run(ticks: int, out: Path | None) -> int:
+def run(ticks: int, out: Path | None, *, force: bool = False) -> int:
     """Record so many ticks of the steady scenario, plant and controller in turn."""
-    if out is not None:
-        directory.make_directory("--out", out)
+    files = [] if out is None else directory.claim("--out", out, ("recorder.json",), force=force)
     kept = _turns()
     costs = [measure(name, turns, ticks) for name, turns in kept.items()]
     _print(Console(highlight=False), costs)
-    if out is not None:
+    for file in files:
         told = {"machine": machine(), "recorders": [cost._asdict() for cost in costs]}
-        (out / "recorder.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+        file.write(json.dumps(told, indent=1))
     return 0
 
 

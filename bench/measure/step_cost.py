@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 import time
@@ -44,10 +45,11 @@ class Whole(NamedTuple):
     p99_us: float
 
 
-def run(ticks: int, out: Path | None, model: str, law: str, *, every: bool) -> int:
+def run(
+    ticks: int, out: Path | None, model: str, law: str, *, every: bool, force: bool = False
+) -> int:
     """Run so many ticks of the steady scenario and print what they cost."""
-    if out is not None:
-        directory.make_directory("--out", out)
+    files = [] if out is None else directory.claim("--out", out, ("step.json",), force=force)
     console = Console(highlight=False)
     told: dict[str, Any] = {"machine": machine(), "compiled": compiled.in_force()}
     if every:
@@ -60,8 +62,8 @@ def run(ticks: int, out: Path | None, model: str, law: str, *, every: bool) -> i
     kind = "compiled" if compiled.in_force() else "interpreted (`hil compile` makes it faster)"
     budget = f"{BUDGET_US[compiled.in_force()]:g} µs"
     console.print(f"{kind} loops; budget of a whole tick in lockstep over memory: {budget}")
-    if out is not None:
-        (out / "step.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    for file in files:
+        file.write(json.dumps(told, indent=1))
     return 0
 
 
@@ -93,14 +95,14 @@ def measure_all(ticks: int) -> dict[str, dict[str, float | None]]:
     """Return the mean of every fast model and law [us]; None where the law refuses the model."""
     table: dict[str, dict[str, float | None]] = {}
     with tempfile.TemporaryDirectory(prefix="hil-step-") as name:
+        prepare(resolve(scenarios.read("steady", _changes(ticks, []))).realtime)
         for model in FAST:
             for law in LAWS:
                 changes = [("plant.model", model), ("controller.name", law)]
-                scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
-                try:
+                cost = None
+                with contextlib.suppress(ConfigError):
+                    scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
                     cost = min(_whole(scenario, Path(name)).mean_us for _ in range(_TURNS))
-                except ConfigError:
-                    cost = None
                 table.setdefault(model, {})[law] = cost
     return table
 

@@ -23,6 +23,7 @@ from drivers.recorder.output import wait_finished
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import HilError, RunError
+from hil.files import Output
 
 _LOG_TIMEOUT_S, _INTERRUPT_TIMEOUT_S = 30.0, 1.0
 _HANDLES = 40
@@ -51,7 +52,7 @@ def resolved(scenario: Scenario) -> Iterator[Resolved]:
 def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Run a scenario and tell how its processes ended."""
     _check_handles()
-    files.scenario.write_text(scenario.model_dump_json(indent=1), encoding="utf-8")
+    Output("--out", files.scenario, force=True).write(scenario.model_dump_json(indent=1))
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop()  # where it cannot be made, nothing has begun
         return runner.run(_run(scenario, files, view))
@@ -121,7 +122,7 @@ async def _collect(children: list[Child], files: RunFiles, timeout_s: float) -> 
     for child in children:
         await child.drain(timeout_s)
         if child.errors:
-            files.errors_of(child.name).write_text(child.errors, encoding="utf-8")
+            Output("--out", files.errors_of(child.name), force=True).write(child.errors)
 
 
 def _facts(child: Child) -> dict[str, Any]:

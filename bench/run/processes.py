@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bench.run.witness import Witness
+from bench.live.witness import Witness
 from drivers.system import starter
 
 SAFE_GRACE_S = 1.0

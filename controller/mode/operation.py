@@ -10,9 +10,13 @@ from mypy_extensions import i64
 from controller.mode.start_restart import GENERATING, MOTORING, Facts, Mode, next_mode
 from controller.observe.estimate import Observation
 from hil.values import Value, replace
+from hil.wire.messages import UNHEARD_SAFE
 
 MISFIRE_CHECK_FRACTION: Final = 0.25
 """Part of a stroke after which the piston's speed tells whether the charge has burnt."""
+
+MISFIRE_LATEST_FRACTION: Final = 0.5
+"""Part of a stroke after which it does not any more."""
 
 REST_SPEED_M_S: Final = 2e-3
 REST_POSITION_M: Final = 2e-3
@@ -20,15 +24,22 @@ REST_POSITION_M: Final = 2e-3
 
 @final
 class Bounds(Value):
-    """The most that is borne: position, ticks without a sample, misfires in a row, motoring."""
+    """The most that is borne: position, ticks without a sample, misfires in a row, motoring.
 
-    __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns")
+    unheard_ns: after so long in a mode the plant must have taken an answer
+    """
 
-    def __init__(self, limit_m: float, stale_ticks: i64, misfires: i64, motoring_ns: i64) -> None:
+    __slots__ = ("limit_m", "stale_ticks", "misfires", "motoring_ns", "unheard_ns")
+
+    def __init__(
+        self, limit_m: float, stale_ticks: i64, misfires: i64, motoring_ns: i64,
+        unheard_ns: i64 = 10_000_000,
+    ) -> None:  # fmt: skip
         self.limit_m = limit_m
         self.stale_ticks = stale_ticks
         self.misfires = misfires
         self.motoring_ns = motoring_ns
+        self.unheard_ns = unheard_ns
 
     def excludes(self, x_m: float) -> bool:
         """Whether the piston must not be there."""
@@ -69,6 +80,7 @@ def is_uneventful(bounds: Bounds, operation: Operation, seen: Observation, strok
     return (
         operation.mode is GENERATING
         and seen.stale == 0
+        and seen.unheard != UNHEARD_SAFE
         and not seen.passed.dead_centre
         and (operation.fired_t_ns < 0 or not _is_check_due(operation, seen, stroke_s))
         and operation.misfires < bounds.misfires
@@ -87,10 +99,13 @@ def decide(
     Returns: the operation from now on, and the name of the rule that has changed the mode, or ""
     """
     fired, misfired = seen.passed.dead_centre and fuel_kg > 0.0, False
-    if fired:
+    if fired:  # a combustion whose dead centre was not seen is not judged
+        fired_t_ns = seen.motion.dc_t_ns if seen.whole else -1
         operation = replace(
-            operation, fired_t_ns=seen.motion.dc_t_ns, fired_strokes=operation.fired_strokes + 1
+            operation, fired_t_ns=fired_t_ns, fired_strokes=operation.fired_strokes + 1
         )
+    elif operation.fired_t_ns >= 0 and _is_check_too_late(operation, seen, stroke_s):
+        operation = replace(operation, fired_t_ns=-1)
     elif operation.fired_t_ns >= 0 and seen.stale == 0 and _is_check_due(operation, seen, stroke_s):
         misfired = has_misfired()
         misfires = operation.misfires + 1 if misfired else 0
@@ -110,6 +125,8 @@ def _facts(
         start_requested=request == "start",
         stop_requested=request == "stop",
         sample_stale=seen.stale >= bounds.stale_ticks,
+        unheard=seen.unheard == UNHEARD_SAFE
+        and seen.t_ns - operation.since_t_ns > bounds.unheard_ns,
         beyond_limit=bounds.excludes(motion.tdc_m if seen.passed.dead_centre else motion.x_m),
         fired=fired,
         misfired=misfired,
@@ -117,6 +134,12 @@ def _facts(
         motoring_too_long=seen.t_ns - operation.since_t_ns > bounds.motoring_ns,
         at_rest=abs(motion.v_m_s) < REST_SPEED_M_S and abs(motion.x_m) < REST_POSITION_M,
     )
+
+
+def _is_check_too_late(operation: Operation, seen: Observation, stroke_s: float) -> bool:
+    """Whether so much of the stroke has passed unseen that its speed tells nothing any more."""
+    since_ns = float(seen.t_ns - operation.fired_t_ns)
+    return since_ns > MISFIRE_LATEST_FRACTION * (stroke_s * 1e9)
 
 
 def _is_check_due(operation: Operation, seen: Observation, stroke_s: float) -> bool:

@@ -26,19 +26,20 @@ class Facts(Value):
     """What the table looks at; each is true or false in this tick."""
 
     __slots__ = (
-        "start_requested", "stop_requested", "sample_stale", "beyond_limit", "fired", "misfired",
-        "misfires_exhausted", "motoring_too_long", "at_rest",
+        "start_requested", "stop_requested", "sample_stale", "unheard", "beyond_limit", "fired",
+        "misfired", "misfires_exhausted", "motoring_too_long", "at_rest",
     )  # fmt: skip
 
     def __init__(
         self, start_requested: bool = False, stop_requested: bool = False,
-        sample_stale: bool = False, beyond_limit: bool = False, fired: bool = False,
-        misfired: bool = False, misfires_exhausted: bool = False, motoring_too_long: bool = False,
-        at_rest: bool = False,
+        sample_stale: bool = False, unheard: bool = False, beyond_limit: bool = False,
+        fired: bool = False, misfired: bool = False, misfires_exhausted: bool = False,
+        motoring_too_long: bool = False, at_rest: bool = False,
     ) -> None:  # fmt: skip
         self.start_requested = start_requested
         self.stop_requested = stop_requested
         self.sample_stale = sample_stale
+        self.unheard = unheard
         self.beyond_limit = beyond_limit
         self.fired = fired
         self.misfired = misfired
@@ -67,6 +68,7 @@ _MOVING = _ACTIVE | {STOPPING}
 
 RULES: tuple[Rule, ...] = (
     Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE),
+    Rule("plant does not hear", _MOVING, lambda f: f.unheard, SAFE),
     Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, SAFE),
     Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, SAFE),
     Rule("motoring did not reach the amplitude", frozenset({MOTORING}),

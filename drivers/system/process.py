@@ -199,7 +199,7 @@ class Stop:
         Raises: RunError
         """
         if self.cause:
-            raise RunError(self.cause)
+            raise RunError(self.cause) from None
 
     def wait_for_peer(self, link: Link, timeout_s: float) -> None:
         """Wait for the peer; a request to end is followed at once.

@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 
+from bench.logs.replay import speed
 from bench.measure import cyclictest, step_cost
 from bench.measure.highest_rate import Trial, highest, line
 from bench.measure.latency import (
@@ -165,3 +166,9 @@ def test_a_late_answer_does_not_pass_for_the_one_that_is_timed():
     link.send(head.pack(0x100, 8 << 12))
     assert times.unanswered == 1
     assert times.trip_ns[1] >= 800_000  # what was given up counts with its time
+
+
+def test_a_run_and_the_replays_of_its_logs_are_told_in_times_of_real_time():
+    found = dict(speed.measure(0.5, "harmonic", "cascade"))
+    assert set(found) == {"run, both logs on", "replay of the plant", "replay of the controller"}
+    assert min(found.values()) > 0.0

@@ -165,6 +165,29 @@ def test_a_campaign_that_was_killed_goes_on_and_runs_nothing_twice(cluster, tmp_
     assert campaigns.rows_of(campaigns.run(SMALL, tmp_path / "cut", None, 1, CONSOLE)) is not None
 
 
+@pytest.mark.parametrize("damage", ["flip", "cut", "empty"])
+def test_a_damaged_part_is_a_part_not_yet_done(cluster, tmp_path, damage):
+    cluster.append(Serial())
+    whole = campaigns.rows_of(campaigns.run(SMALL, tmp_path, None, 1, CONSOLE))
+    file = sorted(tmp_path.glob("parts/part-*.parquet"))[1]
+    data = bytearray(file.read_bytes())
+    data[len(data) // 3] ^= 1
+    file.write_bytes({"flip": data, "cut": data[: len(data) // 2], "empty": b""}[damage])
+    again = Serial()
+    cluster.append(again)
+    assert campaigns.rows_of(campaigns.run(SMALL, tmp_path, None, 1, CONSOLE)) == whole
+    assert again.ran == [list(range(4, 8))]
+    assert len(list(tmp_path.glob("parts/*"))) == 3
+
+
+def test_results_of_something_else_are_not_written_over(cluster, tmp_path):
+    (tmp_path / "table.md").write_text("precious")
+    cluster.append(Serial())
+    with pytest.raises(ConfigError, match=r"table\.md: exists already"):
+        campaigns.run(SMALL, tmp_path, None, 1, CONSOLE)
+    assert (tmp_path / "table.md").read_text() == "precious"
+
+
 STOPPING = SMALL.model_copy(
     update={"runs": 40, "stop": StopRule(figure="sigma_mm", half_width=1.0, least=10)}
 )

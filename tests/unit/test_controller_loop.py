@@ -177,7 +177,7 @@ def test_samples_of_a_gap_are_stepped_without_an_answer_and_marked_missed():
 
 def test_a_gap_as_long_as_the_limit_leads_to_the_safe_state():
     bench = Bench()
-    bench.turn(0, 1, 12)
+    bench.turn(0, 1, 13)
     assert bench.loop.state.mode is Mode.SAFE
     assert "mode safe" in bench.log.codes()
 
@@ -254,7 +254,7 @@ def test_older_batch_is_not_acted_on_even_when_its_counter_would_pass():
 @pytest.mark.parametrize("lost", [7, 8, 9, 12, 15, 16, 40])
 def test_sample_after_a_long_silence_is_accepted_at_once(lost):
     """The counter has four bits: after so many lost frames it says nothing any more."""
-    bench = Bench(limits={"stale_ticks": 1000})
+    bench = Bench(limits={"stale_s": 1.0})
     bench.turn(0, 1)
     for tick in range(2, 2 + lost):
         bench.batch(tick)
@@ -306,11 +306,11 @@ def test_planned_command_is_obeyed_in_its_tick_even_when_that_was_missed():
 def test_safe_state_is_a_fault_in_the_log_with_its_reason():
     bench = Bench()
     bench.turn(0)
-    for _ in range(10):
+    for _ in range(11):
         bench.loop.turn(None)
     (event,) = bench.log.of("/event")
     assert (event["severity"], event["text"]) == (topics.FAULT, "GENERATING -> SAFE: sample lost")
-    assert event["tick"] == 10
+    assert event["tick"] == 11
     assert bench.answers()[-1][1][0].mode == int(Mode.SAFE)
 
 
@@ -345,3 +345,21 @@ def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
     bench.turn(0)
     (status,) = bench.status
     assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)
+
+
+def test_an_order_that_was_due_before_the_first_sample_is_followed_with_it():
+    bench = Bench(running=False, schedule={2: OperatorCommand("start")})
+    bench.turn(7, 8)
+    assert bench.loop.state.mode is Mode.MOTORING
+    assert "mode motoring" in bench.log.codes()
+
+
+def test_a_planned_start_waits_for_samples():
+    bench = Bench(running=False, schedule={12: OperatorCommand("start")})
+    bench.turn(0)
+    for _ in range(bench.loop.params.bounds.stale_ticks + 4):
+        bench.loop.turn(None)
+    assert bench.loop.tick > 12
+    assert bench.loop.state.mode is Mode.OFF
+    bench.turn(bench.loop.tick + 1, bench.loop.tick + 2)
+    assert bench.loop.state.mode is Mode.MOTORING

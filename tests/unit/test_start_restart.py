@@ -11,6 +11,7 @@ OFF, MOTORING, GENERATING, STOPPING, SAFE = Mode
 
 ROWS = [
     ("sample lost", {MOTORING, GENERATING, STOPPING}, {"sample_stale": True}, SAFE),
+    ("plant does not hear", {MOTORING, GENERATING, STOPPING}, {"unheard": True}, SAFE),
     ("piston beyond its limit", {MOTORING, GENERATING}, {"beyond_limit": True}, SAFE),
     ("too many misfires", {MOTORING, GENERATING}, {"misfires_exhausted": True}, SAFE),
     ("motoring did not reach the amplitude", {MOTORING}, {"motoring_too_long": True}, SAFE),
@@ -60,7 +61,12 @@ def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing
 @pytest.mark.parametrize("mode", [MOTORING, GENERATING])
 @pytest.mark.parametrize(
     "danger",
-    [{"sample_stale": True}, {"beyond_limit": True}, {"misfires_exhausted": True}],
+    [
+        {"sample_stale": True},
+        {"unheard": True},
+        {"beyond_limit": True},
+        {"misfires_exhausted": True},
+    ],
     ids=lambda danger: next(iter(danger)),
 )
 def test_danger_comes_before_wishes(mode, danger):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import final
 
 import controller.build
 import plant.build
@@ -25,33 +25,36 @@ def _connection(tape: Tape) -> Connection:
     return Connection(TapeLink(tape), TapeCommands(tape), Unseen(), _nothing)
 
 
-class Replayed(Protocol):
-    """A loop that is being replayed."""
+class Replayed:
+    """A loop that is being replayed, and the ports that play to it."""
 
-    tape: Tape
+    def __init__(self, period_ns: int, patience_ns: int) -> None:
+        self.tape, self.catch = Tape(period_ns, patience_ns), Catch()
 
-    @property
     def next_tick(self) -> int:
         """The tick that its next turn begins with; -1 when any will do."""
+        raise NotImplementedError
 
     def turn(self, turn: Turn) -> bytes:
         """Run one recorded turn; return the records that it puts today."""
+        raise NotImplementedError
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""
+        raise NotImplementedError
 
 
-class ReplayedController:
+@final
+class ReplayedController(Replayed):
     """The controller's own loop on recorded batches."""
 
     def __init__(self, scenario: Resolved) -> None:
         patience_ns = controller.build.patience_ns(scenario)
-        self.tape, self._catch = Tape(scenario.loop.period_ns, patience_ns), Catch()
+        super().__init__(scenario.loop.period_ns, patience_ns)
         self.loop: ControllerLoop = controller.build.make_loop(
-            scenario, _connection(self.tape), self._catch, self.tape
+            scenario, _connection(self.tape), self.catch, self.tape
         )
 
-    @property
     def next_tick(self) -> int:
         """The tick after the last; before the first the plant decides."""
         return self.loop.tick + 1 if self.loop.tick >= 0 else -1
@@ -60,24 +63,24 @@ class ReplayedController:
         """Run one recorded turn; return the records that it puts today."""
         self.tape.load(turn)
         self.loop.turn(turn.batches[0] if turn.batches else None)
-        return self._catch.taken()
+        return self.catch.taken()
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""
         self.loop.recall(snapshot.loads(LoopMemory, state))
 
 
-class ReplayedPlant:
+@final
+class ReplayedPlant(Replayed):
     """The plant's own loop on recorded answers."""
 
     def __init__(self, scenario: Resolved) -> None:
         patience_ns = plant.build.patience_ns(scenario)
-        self.tape, self._catch = Tape(scenario.loop.period_ns, patience_ns), Catch()
+        super().__init__(scenario.loop.period_ns, patience_ns)
         self.loop: PlantLoop = plant.build.make_loop(
-            scenario, _connection(self.tape), self._catch, self.tape
+            scenario, _connection(self.tape), self.catch, self.tape
         )
 
-    @property
     def next_tick(self) -> int:
         """The tick at whose start the engine stands."""
         return self.loop.state.tick
@@ -87,7 +90,7 @@ class ReplayedPlant:
         self.tape.load(turn)
         self.tape.load_slot(turn)
         self.loop.turn(turn.first_tick)
-        return self._catch.taken()
+        return self.catch.taken()
 
     def resume(self, state: str) -> None:
         """Go on from a snapshot."""

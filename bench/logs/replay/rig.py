@@ -48,7 +48,7 @@ def replay_rig(log: Log, scenario: Resolved, span: Span) -> Outcome:
     row: Row | None = None
     for sensor in _rows(log, "/sensor", span):
         tick = _tick(sensor, period_ns)
-        if tick < loop.next_tick:
+        if tick < loop.next_tick():
             raise log.error(f"cannot be replayed: /sensor goes back to tick {tick}")
         first = tick if first < 0 else first
         ticks += 1

@@ -29,6 +29,7 @@ from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
+from hil.files import Output
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
 from hil.ports import Recorder
@@ -135,7 +136,7 @@ def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     controller_loop, in_flight = _brought_to(both[1], "controller", scenario, tick, notes)
     assert isinstance(plant_loop, ReplayedPlant)
     assert isinstance(controller_loop, ReplayedController)
-    if plant_loop.next_tick != tick:
+    if plant_loop.next_tick() != tick:
         raise both[0].error(f"ends before tick {tick}, or skipped it")
     if scenario.loop.clock == "realtime":
         notes.append("recorded in real time, continued in lockstep: every answer comes in time")
@@ -190,10 +191,10 @@ def _play(log: Log, loop: Loop, recorded: Iterator[Turn], between: tuple[int, in
         if turn.tick >= end:
             break
         is_note = turn.first_tick < 0
-        if turn.tick < start if not is_note else loop.next_tick <= start:
+        if turn.tick < start if not is_note else loop.next_tick() <= start:
             continue
-        if not is_note and turn.first_tick != loop.next_tick >= 0:
-            raise log.error(f"ticks are missing between {loop.next_tick} and {end}")
+        if not is_note and turn.first_tick != loop.next_tick() >= 0:
+            raise log.error(f"ticks are missing between {loop.next_tick()} and {end}")
         same = loop.turn(turn) == turn.recorded and same
     return same
 
@@ -217,7 +218,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
     """
     outdir.make_directory("--out", out)
     text = wanted.scenario.model_dump_json(indent=1)
-    (out / "scenario.json").write_text(text, encoding="utf-8")
+    Output("--out", out / "scenario.json").write(text)
     more = {"continues": {"of": str(of), "tick": str(resumed.tick), **wanted.told}}
     with contextlib.ExitStack() as stack:
         recorders: dict[str, Any] = {}

@@ -10,6 +10,7 @@ from rich.console import Console
 from bench.studies.campaign import config, table
 from bench.studies.campaign import execution as campaigns
 from hil.errors import ConfigError, MissingExtraError
+from hil.files import Output
 
 _MOST_SHARDS = 1000
 
@@ -35,11 +36,11 @@ def run(
         return 0
     rows = campaigns.rows_of(file, table.COLUMNS)
     text = table.table(campaign, rows)
-    (directory / "table.md").write_text(text, encoding="utf-8")
+    Output("--out", directory / "table.md", force=True).write(text)
     table.write_worst(campaign, rows, directory / "worst")
     if find_spec("matplotlib") is not None:
         picture = table.draw_distributions(campaign, rows)
-        (directory / "distributions.svg").write_text(picture, encoding="utf-8")
+        Output("--out", directory / "distributions.svg", force=True).write(picture)
     console.print(text, soft_wrap=True, markup=False)
     console.print(f"{file}, table.md, distributions.svg and worst/ beside it")
     return 0

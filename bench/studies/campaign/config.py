@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.choice import check_name
 from hil import compiled
 from hil.config.base import OneOf, Section, Tree, read_toml
+from hil.config.check import check
 from hil.config.controller import LawName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
@@ -118,12 +119,7 @@ def read(name: str) -> Campaign:
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
         raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
-    try:
-        campaign = Campaign.model_validate(read_toml(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{path}: {key}: {first['msg']}") from None
+    campaign = check(Campaign, read_toml(path), str(path))
     for law in campaign.controllers:
         check_name(law, f"{path}: controllers")
     return campaign

@@ -10,8 +10,9 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,7 +21,9 @@ from bench.run import directory as outdir
 from bench.studies.campaign.config import Campaign, draw, scenario_of
 from bench.studies.campaign.run import Row, run_many
 from bench.studies.campaign.stopping import Watch
+from hil.config.check import check_json
 from hil.errors import ConfigError, MissingExtraError, RunError
+from hil.files import Output, read_regular
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,6 +33,9 @@ PART, MOST_PARTS = 20, 1000
 
 _LOOKS, _LOOK_S = 8, 0.05
 """After an interrupt, for workers that are coming up."""
+
+RESULTS = ("results.parquet", "table.md", "distributions.svg")
+"""What is written anew each time that a campaign goes on in its directory, and in no other."""
 
 
 class Shard(NamedTuple):
@@ -58,35 +64,36 @@ def run(
     _claim(campaign, directory)
     parts = directory / "parts"
     parts.mkdir(exist_ok=True)
-    for leftover in parts.glob("*.tmp"):
+    for leftover in parts.glob(".part-*") if shard == WHOLE else ():  # others may be writing
         leftover.unlink()
-    watch = _watch_of(campaign, parts)
+    done = _finished(parts, range(part_count(campaign)))
+    watch = _watch_of(campaign, done)
     todo = [n for n in range(part_count(campaign))
-            if n % shard.of == shard.number - 1 and not _part_file(parts, n).exists()]  # fmt: skip
+            if n % shard.of == shard.number - 1 and n not in done]  # fmt: skip
     if todo and watch.end is None:
         with _cluster(scheduler, workers) as client, _bar(console, campaign, todo) as advance:
             for number, rows in _computed(client, campaign, todo, watch):
-                _write_part(parts, number, rows)
+                done[number] = _write_part(parts, number, rows)
                 advance(len(rows))
                 watch.take(number, rows)
     end = part_count(campaign) if watch.end is None else watch.end
     if campaign.stop is not None:
         console.print(f"{campaign.stop.figure}: {watch.told()}", soft_wrap=True, markup=False)
-    missing = sum(1 for n in range(end) if not _part_file(parts, n).exists())
+    done |= _finished(parts, [n for n in range(end) if n not in done])
+    missing = sum(1 for n in range(end) if n not in done)
     if missing:
         console.print(f"shard {shard.number}/{shard.of} done; {missing} parts of others missing")
         return None
-    return _merge(directory, parts, campaign, end)
+    return _merge(directory, [done[n] for n in range(end)], campaign)
 
 
-def _watch_of(campaign: Campaign, parts: Path) -> Watch:
+def _watch_of(campaign: Campaign, done: dict[int, Path]) -> Watch:
     """The stopping rule with what is there already."""
     watch = Watch(campaign.stop, campaign.controllers)
     if campaign.stop is not None:
         columns = ["set_controller", campaign.stop.figure]
-        for number in range(part_count(campaign)):
-            if _part_file(parts, number).exists():
-                watch.take(number, rows_of(_part_file(parts, number), columns))
+        for number, file in sorted(done.items()):
+            watch.take(number, rows_of(file, columns))
     return watch
 
 
@@ -109,16 +116,28 @@ def indices_of(campaign: Campaign, number: int) -> list[int]:
 def _claim(campaign: Campaign, directory: Path) -> None:
     """Make the directory this campaign's, or see that it is."""
     outdir.make_directory("--out", directory)
-    file = directory / "campaign.json"
+    file = Output("--out", directory / "campaign.json")
     text = campaign.model_dump_json(indent=1)
-    if not file.exists():
-        file.write_text(text, encoding="utf-8")
-    elif Campaign.model_validate_json(file.read_text(encoding="utf-8")) != campaign:
+    if not file.path.exists():
+        outdir.claim("--out", directory, RESULTS, force=False)
+        file.write(text)
+    elif check_json(Campaign, read_regular(file.path), str(file.path)) != campaign:
         raise ConfigError(f"{directory}: holds another campaign; choose another --out")
 
 
-def _part_file(parts: Path, number: int) -> Path:
-    return parts / f"part-{number:05d}.parquet"
+def _finished(parts: Path, numbers: Iterable[int]) -> dict[int, Path]:
+    """Return the parts that are done; one that does not have the CRC in its name is none."""
+    found = {}
+    for number in numbers:
+        for file in _files_of(parts, number):
+            with suppress(OSError):
+                if file.stem.endswith(f"-{zlib.crc32(file.read_bytes()):08x}"):
+                    found[number] = file
+    return found
+
+
+def _files_of(parts: Path, number: int) -> list[Path]:
+    return sorted(parts.glob(f"part-{number:05d}-*.parquet"))
 
 
 @contextmanager
@@ -232,31 +251,34 @@ def _bar(console: Console, campaign: Campaign, todo: list[int]) -> Iterator[Any]
         yield lambda count: progress.advance(task, count)
 
 
-def _write_part(parts: Path, number: int, rows: list[Row]) -> None:
-    """Write a part whole: under another name first."""
+def _write_part(parts: Path, number: int, rows: list[Row]) -> Path:
+    """Write a part whole, its CRC-32 in its name, in the place of a damaged one."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file = _part_file(parts, number)
-    unfinished = file.with_suffix(".tmp")
-    pq.write_table(pa.Table.from_pylist(rows), unfinished)
-    unfinished.rename(file)
+    for damaged in _files_of(parts, number):
+        damaged.unlink()
+    stream = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows), stream)
+    data = stream.getvalue().to_pybytes()
+    name = f"part-{number:05d}-{zlib.crc32(data):08x}.parquet"
+    Output("--out", parts / name, force=True).write(data)
+    return parts / name
 
 
-def _merge(directory: Path, parts: Path, campaign: Campaign, end: int) -> Path:
-    """The parts before `end` in one file, ordered by run."""
+def _merge(directory: Path, files: Sequence[Path], campaign: Campaign) -> Path:
+    """The parts in one file, ordered by run."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tables = [pq.read_table(_part_file(parts, n)) for n in range(end)]
+    tables = [pq.read_table(file) for file in files]
     merged = pa.concat_tables(tables, promote_options="permissive").sort_by("run")
-    if merged.num_rows != min(end * part_size(campaign), campaign.runs):
+    if merged.num_rows != min(len(files) * part_size(campaign), campaign.runs):
         raise ConfigError(f"{directory}: its parts are of another size; choose another --out")
-    file = directory / "results.parquet"
-    unfinished = directory / "results.tmp"
-    pq.write_table(merged, unfinished)
-    unfinished.rename(file)
-    return file
+    file = Output("--out", directory / "results.parquet", force=True)
+    with file.writing() as beside:
+        pq.write_table(merged, beside)
+    return file.path
 
 
 def rows_of(file: Path, columns: Sequence[str] | None = None) -> list[Row]:

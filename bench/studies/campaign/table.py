@@ -11,6 +11,7 @@ import numpy as np
 
 from bench.studies.campaign.config import Campaign, draw, tree_of
 from bench.studies.campaign.run import Row
+from hil.files import Output
 
 WORST = 3
 """Runs named for each law, by peak and by settling."""
@@ -115,8 +116,8 @@ def write_worst(campaign: Campaign, rows: Sequence[Row], directory: Path) -> Non
             tree = tree_of(campaign, draw(campaign, row["run"]))
             tree["name"] = f"{campaign.name}-{row['run']:06d}"
             tree.setdefault("link", {})["kind"] = "memory"
-            file = directory / f"{row['run']:06d}.toml"
-            file.write_text(to_toml(tree), encoding="utf-8")
+            file = Output("--out", directory / f"{row['run']:06d}.toml", force=True)
+            file.write(to_toml(tree))
 
 
 def to_toml(tree: dict[str, Any]) -> str:
