@@ -62,7 +62,7 @@ class ControllerLoop:
         self.tick = -1
         self.late = 0
         self.peer_timeout_s = peer_timeout_s
-        self.reception = Reception(params.period_ns)
+        self.reception = Reception(params.period_ns, params.possible, all(params.timings.fires))
         self._age = SampleAge(params.period_ns, oldest_ns)
         self._encoder = Encoder()
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
@@ -89,7 +89,7 @@ class ControllerLoop:
 
     def _take(self, batch: bytes | None, woke_ns: int) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
-        arrival = self.reception.take(batch, self.tick, self.state.motion)
+        arrival = self.reception.take(batch, self.tick, self.state)
         if self.tick < 0 and batch is not None:
             if arrival.tick < 0:
                 self._note("sample-refused", "first frames without a valid head", batch, woke_ns)
@@ -120,9 +120,18 @@ class ControllerLoop:
         """Step one tick."""
         self.tick = arrival.tick
         command = self._command(arrival.tick)
-        inputs = Inputs(arrival.tick, arrival.sample, command, arrival.power_w)
+        if self.reception.doubted:
+            self._doubt(self.reception.doubted)
+        sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
+        inputs = Inputs(arrival.tick, sample, command, power_w, fault)
         self.state, output = step(self.params, self.state, inputs)
         return output
+
+    def _doubt(self, why: str) -> None:
+        """Log that a sample is not believed, once until they are again."""
+        t_ns = self.tick * self.params.period_ns
+        self._heard += topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-doubted", why)
+        self.reception.doubted = ""
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
@@ -141,7 +150,7 @@ class ControllerLoop:
             return None
         origin, raw = received
         t_ns = tick * self.params.period_ns
-        self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
+        self._heard += topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
             return parse(raw, origin)
         except ConfigError as error:
