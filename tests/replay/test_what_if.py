@@ -122,7 +122,16 @@ def test_the_command_draws_both_and_prints_both(run_directory, tmp_path, capsys)
     assert (out / "what-if.svg").stat().st_size > 10_000
 
 
-PORTS = {"_link", "_pacer", "_recorder", "_status", "_commands", "_schedule", "_initial_events"}
+PORTS = {
+    "_link",
+    "_pacer",
+    "_recorder",
+    "_put",
+    "_status",
+    "_commands",
+    "_schedule",
+    "_initial_events",
+}
 TOLD_ONLY = {"_late_max_ns", "_finished"}  # goes into the status and nowhere else
 CODEC = {"_encoder", "decoder"}
 PARTS = {"reception", "answers", "_age"}  # which remember by themselves
