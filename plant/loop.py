@@ -35,6 +35,7 @@ _V_MOST: Final = most_of(PistonSample, "v_m_s")
 _POWER_MOST: Final = most_of(PlantTick, "electric_power_w")
 _P_MOST: Final = most_of(PlantTick, "p_left_pa")
 _COMMAND_EVERY: Final = 10
+_MOST_ARRIVED: Final = 256
 _NO_EVENTS: Final[tuple[Event, ...]] = ()
 
 
@@ -115,8 +116,9 @@ class PlantLoop:
         return sent_ns, arrived
 
     def _drain(self) -> list[bytes]:
-        arrived = []
-        while (batch := self._link.receive()) is not None:
+        """What has come; of a flood a part, so that the tick is not late for it."""
+        arrived: list[bytes] = []
+        while len(arrived) < _MOST_ARRIVED and (batch := self._link.receive()) is not None:
             arrived.append(batch)
         return arrived
 
