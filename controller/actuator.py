@@ -25,6 +25,8 @@ from hil.wire.pulses import wrap_us
 MAX_PULSES: Final = layout_of(Pulse).per_tick
 """Pulse frames of one tick: six frames a tick in both directions, four of them fixed."""
 
+_NONE: Final[tuple[Message, ...]] = ()
+
 
 @final
 class Machine(Value):
@@ -86,11 +88,23 @@ def _nothing_changes(
     return seen_injection and seen_spark
 
 
+def _command(machine: Machine, throttle: float, before: tuple[Message, ...]) -> MachineCommand:
+    sent = before[1] if before else None
+    if (
+        isinstance(sent, MachineCommand) and sent.mode == machine.mode
+        and sent.force_n == machine.force_n and sent.load_coefficient_n_s_m == machine.load_n_s_m
+        and sent.throttle == throttle
+    ):  # fmt: skip
+        return sent
+    return MachineCommand(machine.mode, machine.force_n, machine.load_n_s_m, throttle)
+
+
 def messages(
-    tick: i64, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...]
-) -> tuple[Message, ...]:
-    """The messages that answer a sample."""
-    command = MachineCommand(machine.mode, machine.force_n, machine.load_n_s_m, throttle)
+    tick: i64, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...],
+    before: tuple[Message, ...] = _NONE,
+) -> tuple[Message, ...]:  # fmt: skip
+    """The messages that answer a sample; an order that stands is the message sent `before`."""
+    command = _command(machine, throttle, before)
     if not pulses:
         return (ControllerTick(tick, 2, int(mode)), command)
     sent = [

@@ -48,7 +48,7 @@ class Caretaker(Protocol):
         """Return the set points that a reload has prepared."""
 
 
-class DutyCommands:
+class DutyCommands(CommandSource):
     """A command source that speaks for the service itself first, then passes another one on."""
 
     def __init__(self, source: CommandSource) -> None:
@@ -56,6 +56,7 @@ class DutyCommands:
         self.stopped = False
         self._source = source
         self._waiting: deque[tuple[str, bytes]] = deque()
+        self._is_own = False  # whether the service itself asked last
 
     @property
     def idle(self) -> bool:
@@ -68,10 +69,16 @@ class DutyCommands:
 
     def poll(self) -> tuple[str, bytes] | None:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
-        received = self._waiting.popleft() if self._waiting else self._source.poll()
+        self._is_own = bool(self._waiting)
+        received = self._waiting.popleft() if self._is_own else self._source.poll()
         if received is not None:
             self._note(*received)
         return received
+
+    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+        """Answer an operator; the service itself looks at the mode."""
+        if not self._is_own:
+            self._source.answer(is_taken, tick, text)
 
     def _note(self, origin: str, raw: bytes) -> None:
         """Remember a stop, and a target power, which the set points in force no longer tell."""

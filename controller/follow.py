@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 
 from controller.duty import Duty
 from controller.loop import ControllerLoop
-from hil.errors import RunError
+from hil.errors import PEER_LOST, RunError
 from hil.exchange import await_batch
 from hil.ports import Link
 
@@ -114,7 +114,7 @@ def raise_if_lost(loop: ControllerLoop) -> None:
     """
     stale = loop.state.stale
     if stale >= loop.params.bounds.stale_ticks:
-        raise RunError(f"plant lost: no valid sample in the last {stale} ticks")
+        raise RunError(f"plant {PEER_LOST} sample in the last {stale} ticks")
 
 
 def facts(loop: ControllerLoop, link: Link) -> dict[str, Any]:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import Final
 
+from mypy_extensions import i64
+
+from controller.actuator import Machine
 from controller.mode.start_restart import Mode
 from controller.motion.law import Demand
 from controller.reception import Arrival
 from controller.state import Output, State, StrokeReport
 from controller.timing.plan import PlannedPulse
-from hil.log import topics
-from hil.log.records import together
+from hil.log import packing, topics
 
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""
 
-_NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durations
-_PADDING: Final = (0,) * MAX_LOGGED
-_PACK_TICK: Final = together(topics.SENSOR, topics.ACTUATOR, topics.TIMING)
 _FAULT_MODES: Final = (Mode.SAFE,)
 
 
@@ -29,27 +28,28 @@ def packed_tick(
     tick, motion, machine = arrival.tick, state.motion, output.machine
     fresh = arrival.sample is not None
     power_w, left_pa, right_pa = slow
-    data = _PACK_TICK(
-        tick, t_ns, motion.x_m, motion.v_m_s, left_pa, right_pa, power_w, _status_of(arrival),
-        tick, machine.mode, machine.force_n, machine.load_n_s_m, output.throttle,
-        *_columns_of(output.pulses), t_ns, woke_ns, done_ns, tick if fresh else -1, missed,
-    )  # fmt: skip
+    packing.begin()
+    status = _status_of(arrival)
+    packing.sensor(tick, t_ns, motion.x_m, motion.v_m_s, left_pa, right_pa, power_w, status)
+    _add_answer(tick, t_ns, machine, output.throttle, output.pulses)
+    packing.timing(tick, t_ns, t_ns, woke_ns, done_ns, tick if fresh else -1, missed)
     if arrival.batch:
-        data += topics.FRAMES_RECEIVED.pack(tick, t_ns, arrival.batch)
+        packing.frames_received(tick, t_ns, arrival.batch)
     if frames:
-        data += topics.FRAMES_SENT.pack(tick, t_ns, frames)
-    return data
+        packing.frames_sent(tick, t_ns, frames)
+    return packing.packed()
 
 
 def packed_occasions(
     tick: int, t_ns: int, mode: Mode, output: Output, demand: Demand | None
 ) -> bytes:
     """What happens in few ticks: a stroke ends, the law asks, a mode changes."""
-    data = b""
+    packing.begin()
     if output.stroke is not None:
-        data += _packed_stroke(tick, t_ns, output.stroke)
+        _add_stroke(tick, t_ns, output.stroke)
     if demand is not None and demand.fuel_kg > 0.0:
-        data += topics.DEMAND.pack(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
+        packing.demand(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
+    data = packing.packed()
     severity = topics.FAULT if mode in _FAULT_MODES else topics.INFO
     for code, text in output.events:
         data += topics.EVENT.pack(tick, t_ns, severity, code, text)
@@ -58,8 +58,9 @@ def packed_occasions(
 
 def packed_note(tick: int, t_ns: int, code: str, text: str, batch: bytes) -> bytes:
     """Frames that are logged and never acted on, such as those of a tick already stepped."""
-    event = topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
-    return topics.FRAMES_RECEIVED.pack(tick, t_ns, batch) + event
+    packing.begin()
+    packing.frames_received(tick, t_ns, batch)
+    return packing.packed() + topics.EVENT.pack(tick, t_ns, topics.WARNING, code, text)
 
 
 def _status_of(arrival: Arrival) -> int:
@@ -69,22 +70,33 @@ def _status_of(arrival: Arrival) -> int:
     return topics.SAMPLE_INVALID if arrival.batch else topics.SAMPLE_NONE
 
 
-def _columns_of(pulses: tuple[PlannedPulse, ...]) -> tuple[int, ...]:
-    """How many pulses there are, then their channels, openings and durations, four of each."""
-    if not pulses:
-        return _NO_PULSES
-    shown = pulses[:MAX_LOGGED]
-    padding = _PADDING[len(shown) :]
-    return (
-        len(shown), *[p.channel for p in shown], *padding, *[p.open_ns for p in shown], *padding,
-        *[p.duration_ns for p in shown], *padding,
+def _add_answer(
+    tick: int, t_ns: int, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...]
+) -> None:
+    """What is asked of the machine, the throttle and the lines."""
+    if pulses:
+        a, b, c, d = _row(pulses, 0), _row(pulses, 1), _row(pulses, 2), _row(pulses, 3)
+    else:
+        a = b = c = d = (0, 0, 0)
+    packing.actuator(
+        tick, t_ns, tick, machine.mode, machine.force_n, machine.load_n_s_m, throttle,
+        min(len(pulses), MAX_LOGGED),
+        (a[0], b[0], c[0], d[0]), (a[1], b[1], c[1], d[1]), (a[2], b[2], c[2], d[2]),
     )  # fmt: skip
 
 
-def _packed_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> bytes:
+def _row(pulses: tuple[PlannedPulse, ...], i: i64) -> tuple[i64, i64, i64]:
+    """Channel, opening and duration of a pulse [ns]; zeros when there is none."""
+    if i >= len(pulses):
+        return 0, 0, 0
+    pulse = pulses[i]
+    return pulse.channel, pulse.open_ns, pulse.duration_ns
+
+
+def _add_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> None:
     """One finished stroke with the terms of both loops."""
     demand = stroke.demand
-    return topics.STROKE.pack(
+    packing.stroke(
         stroke.number, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
         demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
         demand.inner_p_kg, demand.inner_i_kg,

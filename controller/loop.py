@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.state import Events, Inputs, Output, Params, State, StrokeReport
 from controller.step import step
 from hil import snapshot
 from hil.errors import ConfigError
@@ -22,6 +24,7 @@ from hil.ports import Ports, Recorder
 from hil.values import NEVER, Value
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand, parse
+from hil.wire.messages import Message
 from hil.wire.status import ControllerStatus
 
 _COMMAND_EVERY: Final = 10
@@ -34,7 +37,7 @@ class LoopMemory(Value):
     __slots__ = ("tick", "state", "sent", "received", "late", "age")
 
     def __init__(
-        self, tick: int, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: int,
+        self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64,
         age: tuple[int, int],
     ) -> None:  # fmt: skip
         self.tick = tick
@@ -59,19 +62,22 @@ class ControllerLoop:
     ) -> None:  # fmt: skip
         self.params = params
         self.state = state
-        self.tick = -1
-        self.late = 0
+        self.tick: i64 = -1
+        self.late: i64 = 0
         self.peer_timeout_s = peer_timeout_s
         self.reception = Reception(params.period_ns, params.possible, all(params.timings.fires))
         self._age = SampleAge(params.period_ns, oldest_ns)
         self._encoder = Encoder()
+        self._answer: tuple[Message, ...] = ()
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
         self._pacer = pacer
-        self._put = recorder.put
+        self._recorder = recorder
         self._schedule = schedule
-        self._status_every = status_every
-        self._snapshot_every = snapshot_every or NEVER
+        self._planned_tick: i64 = min(schedule, default=NEVER)
+        self._status_every: i64 = status_every
+        self._snapshot_every: i64 = snapshot_every or NEVER
         self._heard = b""  # records of what was heard on the command key
+        self._is_asked = False  # whether somebody waits for what becomes of a command
         self._finished: StrokeReport | None = None  # the last stroke that could fire
 
     def turn(self, batch: bytes | None) -> None:
@@ -87,7 +93,7 @@ class ControllerLoop:
         self._record(arrival, output, frames, woke_ns, asked is not self.state.fuelling.demand)
         self._tell(output)
 
-    def _take(self, batch: bytes | None, woke_ns: int) -> Arrival | None:
+    def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
         arrival = self.reception.take(batch, self.tick, self.state)
         if self.tick < 0 and batch is not None:
@@ -101,7 +107,7 @@ class ControllerLoop:
         if arrival.tick > self.tick:
             if not self._age.is_too_old(arrival.tick, woke_ns):
                 return arrival
-            waited_ms = self._age.age_ns(arrival.tick, woke_ns) * 1e-6
+            waited_ms = float(self._age.age_ns(arrival.tick, woke_ns)) * 1e-6
             text = f"sample of tick {arrival.tick} has waited for {waited_ms:.1f} ms"
         else:
             text = f"sample of tick {arrival.tick} came after tick {self.tick} was answered"
@@ -125,6 +131,8 @@ class ControllerLoop:
         sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
         inputs = Inputs(arrival.tick, sample, command, power_w, fault)
         self.state, output = step(self.params, self.state, inputs)
+        if self._is_asked:
+            self._tell_asker(output.events)
         return output
 
     def _doubt(self, why: str) -> None:
@@ -133,28 +141,57 @@ class ControllerLoop:
         self._heard += topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-doubted", why)
         self.reception.doubted = ""
 
+    def _tell_asker(self, events: Events) -> None:
+        """Tell who asked what has become of the command of this tick."""
+        self._is_asked = False
+        refused = [text for code, text in events if code == "command-refused"]
+        mode, tdc_mm = self.state.mode.name.lower(), self.state.set_points.tdc_ref_m * 1e3
+        text = refused[0] if refused else f"mode {mode}, set point {tdc_mm:.3f} mm"
+        self._commands.answer(not refused, self.tick, text)
+
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
-        answer = messages(self.tick, output.mode, output.machine, output.throttle, output.pulses)
-        frames = self._encoder.encode(answer)
+        self._answer = messages(
+            self.tick, output.mode, output.machine, output.throttle, output.pulses, self._answer
+        )
+        frames = self._encoder.encode(self._answer)
         self._link.send(frames)
         return frames
 
-    def _command(self, tick: int) -> OperatorCommand | None:
+    def _command(self, tick: i64) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
-        planned = self._schedule.get(tick)
-        if planned is not None:
-            return planned
-        received = None if tick % _COMMAND_EVERY else self._commands.poll()
-        if received is None:
+        if tick >= self._planned_tick:
+            planned = self._planned()
+            if planned is not None:
+                return planned
+        if tick % _COMMAND_EVERY != 0:
             return None
-        origin, raw = received
+        received = self._commands.poll()
+        return None if received is None else self._heard_from(tick, *received)
+
+    def _planned(self) -> OperatorCommand | None:
+        """The scenario's next order, which may be late: the first sample can be later than it.
+
+        A start waits for samples, as an operator would.
+        """
+        due_tick = self._planned_tick
+        planned = self._schedule[due_tick]
+        if planned.kind == "start" and self.state.stale >= self.params.bounds.stale_ticks:
+            return None
+        self._planned_tick = min((t for t in self._schedule if t > due_tick), default=NEVER)
+        return planned
+
+    def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
+        """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
         self._heard += topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
-            return parse(raw, origin)
+            command = parse(raw, origin)
+            self._is_asked = command is not None
+            return command
         except ConfigError as error:
             text = str(error)
+            self._commands.answer(False, tick, text)
             self._heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", text)
             return None
 
@@ -178,17 +215,17 @@ class ControllerLoop:
         if not missed and (tick + 1) % self._snapshot_every == 0:
             text = snapshot.dumps(self.remember())
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
-        self._put(data)
+        self._recorder.put(data)
 
-    def _note(self, code: str, text: str, batch: bytes, woke_ns: int) -> None:
+    def _note(self, code: str, text: str, batch: bytes, woke_ns: i64) -> None:
         """Log frames that are not acted on, with the time at which that was decided."""
-        self._put(packed_note(max(self.tick, 0), woke_ns, code, text, batch))
+        self._recorder.put(packed_note(max(self.tick, 0), woke_ns, code, text, batch))
 
     def _tell(self, output: Output) -> None:
         """Publish how the controller is; what belongs to a stroke, of the last finished one."""
         if output.stroke is not None:
             self._finished = output.stroke
-        if self.tick % self._status_every:
+        if self.tick % self._status_every != 0:
             return
         state, reception, stroke = self.state, self.reception, self._finished
         status = ControllerStatus(
@@ -217,5 +254,6 @@ class ControllerLoop:
         self.tick, self.state, self.late = memory.tick, memory.state, memory.late
         self._encoder.recall(memory.sent)
         self.reception.recall(memory.received)
+        self._planned_tick = min((t for t in self._schedule if t > self.tick), default=NEVER)
         self._age.recall(memory.age)
         self._finished = None

@@ -34,13 +34,14 @@ from drivers.system.service import Service
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.terms import terms_of
+from hil.ports import Link, Recorder
 from hil.values import NEVER
 
 
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the controller to its end; as a service, until it is asked to end.
 
-    Raises: RunError when the plant was lost, ConfigError, LinkError
+    Raises: RunError when the plant was lost or the log is cut, ConfigError, LinkError
     """
     stop = Stop()
     stop.listen()
@@ -49,9 +50,8 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")
-    connection = with_outputs(
-        open_link("controller", scenario.link, scenario.loop, terms_of(scenario)), outputs
-    )
+    link = open_link("controller", scenario.link, scenario.loop, terms_of(scenario))
+    connection = with_outputs(link, outputs)
     duty = None
     if service is not None:
         duty = Duty(service.heart, service, connection.commands, scenario.safety.rearm)
@@ -69,9 +69,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         effort = Effort(recorder)
         _follow(scenario, loop, connection, pacer.patience_ns, stop, duty)
         if stop.cause:
-            period_ns = loop.params.period_ns
-            brake(stop, recorder, loop.tick + 1, (loop.tick + 1) * period_ns,
-                  lambda: step_alone(loop, connection.link))  # fmt: skip
+            to_safe_state(loop, recorder, connection.link, stop)
         told = {**facts(loop, connection.link), **stop.facts()}
         last_words({**told, "granted": granted, **effort.told()})
     finally:
@@ -82,6 +80,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
+    recorder.raise_if_cut()
     return 0
 
 
@@ -97,6 +96,12 @@ def _follow(
         follow_in_real_time(loop, link, patience_ns, last_tick, stop)
     else:
         follow_in_lockstep(loop, link, patience_ns, last_tick, stop)
+
+
+def to_safe_state(loop: ControllerLoop, recorder: Recorder, link: Link, stop: Stop) -> None:
+    """Go on without the plant for as long as it takes to brake."""
+    t_ns = (loop.tick + 1) * loop.params.period_ns
+    brake(stop, recorder, loop.tick + 1, t_ns, lambda: step_alone(loop, link))
 
 
 def main() -> int:

@@ -14,7 +14,7 @@ from controller.state import State
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
 from hil.wire.e2e import MAX_DELTA
-from hil.wire.messages import P_LEFT, P_RIGHT, PistonSample, PlantTick
+from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, PistonSample, PlantTick
 
 _NAN: Final = float("nan")
 _TICK_MODULO: Final = 1 << 32
@@ -117,12 +117,13 @@ class Reception:
 
     def _hear(self, head: PlantTick) -> None:
         """Keep the slow signal that a head carries."""
-        carried = head.electric_power_w
-        if head.slow == P_LEFT:
-            carried = head.p_left_pa
-        elif head.slow == P_RIGHT:
-            carried = head.p_right_pa
-        self.slow[head.slow] = carried
+        slow = head.slow
+        if slow == ELECTRIC_POWER:
+            self.slow[ELECTRIC_POWER] = head.electric_power_w
+        elif slow == P_LEFT:
+            self.slow[P_LEFT] = head.p_left_pa
+        else:
+            self.slow[P_RIGHT] = head.p_right_pa
 
     def _judge(self, tick: int, sample: PistonSample, power_w: float, state: State) -> i64:
         """Let the witness see a sample; returns the fault that it shows."""

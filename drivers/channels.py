@@ -6,10 +6,15 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from hil.errors import ConfigError
+from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
+from hil.wire.answers import MAX_WAITING
+from hil.wire.quantities import printable
 
 MAX_ORIGIN_CHARS: Final = 64
-MAX_WAITING: Final = 64  # commands not yet taken; beyond it the oldest is lost
+STOP: Final = b'{"kind": "stop"}'
+_SHORT: Final = 80
 
 
 def clip_command(raw: bytes) -> bytes:
@@ -20,10 +25,21 @@ def clip_command(raw: bytes) -> bytes:
 def origin_text(raw: bytes) -> str:
     """Return who a sender says it is, fit for a log line: short and printable."""
     text = raw[: 4 * MAX_ORIGIN_CHARS].decode("utf-8", "replace")[:MAX_ORIGIN_CHARS]
-    return "".join(c if c.isprintable() else "?" for c in text) or "unnamed"
+    return printable(text) or "unnamed"
 
 
-class MemoryCommands:
+def is_stop(raw: bytes) -> bool:
+    """Whether a command is one to stop, told at no cost from almost anything else."""
+    if len(raw) > _SHORT or b"stop" not in raw:
+        return False
+    try:
+        command = commands.parse(raw, "")
+    except ConfigError:
+        return False
+    return command is not None and command.kind == "stop"
+
+
+class MemoryCommands(CommandSource):
     """A command source inside one process: `submit` is the sender's side."""
 
     __slots__ = ("_waiting",)
@@ -44,7 +60,7 @@ def _ignore(_status: Mapping[str, object]) -> None:
     """Take no notice."""
 
 
-class MemoryStatus:
+class MemoryStatus(StatusSink):
     """A status sink inside one process: keeps the newest and shows it to `on_publish`."""
 
     __slots__ = ("newest", "on_publish")

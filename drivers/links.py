@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple
 
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.memory_link import MemoryLink, memory_pair
@@ -18,23 +18,10 @@ from hil.wire.terms import Terms
 Side = Literal["plant", "controller"]
 
 
-class PeerLink(Link, Protocol):
-    """A link that knows whether its peer is there."""
-
-    def peer_alive(self) -> bool:
-        """Whether the peer takes part by now; cheap enough for every tick."""
-
-    def wait_for_peer(self, timeout_s: float) -> None:
-        """Return when the peer takes part.
-
-        Raises: LinkError when it does not within the time
-        """
-
-
 class Connection(NamedTuple):
     """What one process has of the outside world; `close` gives all of it back, in order."""
 
-    link: PeerLink
+    link: Link
     commands: CommandSource
     status: StatusSink
     close: Callable[[], None]
@@ -90,7 +77,7 @@ def _open_can(side: Side, config: LinkConfig, loop: LoopConfig, terms: Terms | N
     except HilError:
         port.close()
         raise
-    link = CanLink(port, node, loop.period_ns)
+    link = CanLink(port, node, loop.period_ns, terms=terms)
     commands, status = ZenohCommands(node), ZenohStatus(node)
     node.announce()
 

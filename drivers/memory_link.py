@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 
+from mypy_extensions import i64
+
 from hil.errors import LinkError
+from hil.ports import Link
 
 
 def nothing() -> None:
     """Stand in for a peer's turn where none is set."""
 
 
-class MemoryLink:
+class MemoryLink(Link):
     """One end of a pair.
 
     `on_send` runs at the end of every `send`: where plant and controller share a thread it is the
@@ -22,7 +24,7 @@ class MemoryLink:
     __slots__ = ("closed", "_dropped", "inbox", "peer", "_sent", "_taken", "on_send")
 
     def __init__(self) -> None:
-        self.inbox: deque[bytes] = deque()
+        self.inbox: list[bytes] = []
         self.peer = self
         self.closed = False
         self._sent = self._taken = self._dropped = 0
@@ -48,9 +50,9 @@ class MemoryLink:
         if not self.inbox:
             return None
         self._taken += 1
-        return self.inbox.popleft()
+        return self.inbox.pop(0)
 
-    def wait(self, _timeout_ns: int, /) -> bytes | None:
+    def wait(self, _timeout_ns: i64, /) -> bytes | None:
         """Like `receive`: on one thread nothing can arrive while it waits."""
         return self.receive()
 

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 
+def printable(text: str) -> str:
+    """Return a text that may go to a terminal: what a file put into it steers nothing."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 class HilError(Exception):
     """A failure that is told to the user in one line; `exit_code` is what the command ends with."""
 
     exit_code = 3
+
+    def __str__(self) -> str:
+        """Say it without control characters."""
+        return printable(super().__str__())
 
 
 class ConfigError(HilError):
@@ -38,12 +47,20 @@ class InterruptedRunError(RunError):
     exit_code = 130
 
 
+PEER_LOST = "lost: no valid"
+"""What a process says in the end that has gone to its safe state without its peer."""
+
+
 class LinkError(RunError):
     """A link that could not be opened, or that broke."""
 
 
+class RefusedError(LinkError):
+    """Another process is already what this one was to be."""
+
+
 class BlockedError(HilError):
-    """An order of the run was refused: what was run is not what was asked for."""
+    """A refused order or the machine spoilt a run: what was run is not what was asked for."""
 
     exit_code = 4
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+from mypy_extensions import i64
+
 from hil.ports import Link
 
-_SLICE_NS = 50_000_000
+_SLICE_NS: Final = 50_000_000
 
 
-def await_batch(link: Link, patience_ns: int) -> bytes | None:
+def await_batch(link: Link, patience_ns: i64) -> bytes | None:
     """Return the next batch; None when the peer is gone or its time is up.
 
     Parameters: patience_ns : the longest wait [ns]

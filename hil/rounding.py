@@ -7,7 +7,7 @@ from typing import Final
 from mypy_extensions import i64
 
 _EXACT: Final = 2.0**51
-_SHIFT: Final = 2.0**52 + 2.0**51
+SHIFT: Final = 2.0**52 + 2.0**51
 """A double of this size has no room for a fraction: adding it rounds half to even."""
 
 
@@ -17,5 +17,5 @@ def nearest(x: float) -> i64:
     Raises: ValueError for nan, OverflowError for an infinity
     """
     if -_EXACT < x < _EXACT:
-        return int((x + _SHIFT) - _SHIFT)
+        return int((x + SHIFT) - SHIFT)
     return round(x)

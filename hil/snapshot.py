@@ -15,7 +15,8 @@ import types
 from collections.abc import Callable, Hashable, Iterator
 from enum import IntEnum
 from functools import cache
-from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from operator import attrgetter
+from typing import Any, Final, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from mypy_extensions import i64
 
@@ -34,6 +35,7 @@ class _Form(NamedTuple):
 
 
 _AS_IS = _Form(None, None)
+_ENCODE: Final = json.JSONEncoder(separators=(",", ":"), check_circular=False).encode
 
 
 def dumps(state: Any) -> str:  # noqa: ANN401
@@ -43,7 +45,7 @@ def dumps(state: Any) -> str:  # noqa: ANN401
     """
     kind: Any = type(state)
     form = _form(kind)
-    return json.dumps(state if form.write is None else form.write(state), separators=(",", ":"))
+    return _ENCODE(state if form.write is None else form.write(state))
 
 
 def loads(kind: Hashable, text: str) -> Any:  # noqa: ANN401
@@ -122,8 +124,10 @@ def _named(kind: Any) -> _Form:  # noqa: ANN401
     writers = [(i, form.write) for i, form in enumerate(forms) if form.write is not None]
     readers = [form.read for form in forms]
 
-    def write(value: Any) -> list[Any]:  # noqa: ANN401
-        fields = [getattr(value, name) for name in names] if is_value else list(value)
+    row = _row_of(names) if is_value else tuple
+
+    def write(value: Any) -> Any:  # noqa: ANN401
+        fields = list(row(value))
         for place, writer in writers:
             fields[place] = writer(fields[place])
         return fields
@@ -133,7 +137,16 @@ def _named(kind: Any) -> _Form:  # noqa: ANN401
             raise ValueError(f"{kind.__name__} has the fields {', '.join(names)}")
         return kind(*(v if r is None else r(v) for r, v in zip(readers, tree, strict=True)))
 
-    return _Form(write if writers or is_value else None, read)
+    if not writers:
+        return _Form(row if is_value else None, read)
+    return _Form(write, read)
+
+
+def _row_of(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what takes all fields of a value at once."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda value: tuple(getattr(value, name) for name in names)
 
 
 def _tuple(arguments: tuple[Any, ...]) -> _Form:

@@ -18,7 +18,7 @@ NEVER: Final = 1 << 62
 _ValueT = TypeVar("_ValueT", bound="Value")
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
+@mypyc_attr(allow_interpreted_subclasses=True, acyclic=True)
 class Value:
     """The base of all values: equal when all fields are, and shown with their names."""
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.ports import Link
 from hil.values import Value
 from hil.wire import pulses as wire
@@ -97,10 +99,8 @@ class Answers:
             return self._unanswered(tick)
         self._silent_turns = 0
         head, machine, pulses = self._fresh(arrived[0], tick)
-        for batch in arrived[1:]:
-            next_head, next_machine, newer = self._fresh(batch, tick)
-            head, machine = next_head or head, next_machine or machine
-            pulses = wire.superseded(pulses, newer)
+        if len(arrived) > 1:
+            head, machine, pulses = self._read_on(arrived, tick, head, machine, pulses)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
@@ -114,8 +114,20 @@ class Answers:
                 self._throttle = machine.throttle
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
 
+    def _read_on(
+        self, arrived: list[bytes], tick: i64, head: ControllerTick | None,
+        machine: MachineCommand | None, pulses: list[Pulse],
+    ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:  # fmt: skip
+        """Decode the answers after the first, of which the newer counts."""
+        for batch in arrived[1:]:
+            next_head, next_machine, newer = self._fresh(batch, tick)
+            head = head if next_head is None else next_head
+            machine = machine if next_machine is None else next_machine
+            pulses = wire.superseded(pulses, newer)
+        return head, machine, pulses
+
     def _fresh(
-        self, batch: bytes, tick: int
+        self, batch: bytes, tick: i64
     ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
         """What one batch holds; nothing when it answers a sample that is too old by now."""
         head, machine, pulses = _read(self.decoder.decode(batch))

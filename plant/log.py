@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil.log import topics
-from hil.log.records import together
+from mypy_extensions import i64
+
+from hil.log import packing, topics
 from hil.pacing import Slot
 from hil.wire.pulses import PulseOrder, unwrap_ns
 from plant.answers import Answer
@@ -14,10 +15,8 @@ from plant.rig import events as codes
 from plant.rig.events import Event
 from plant.rig.state import Command, PlantState
 
-_NO_PULSES: Final = (0,) * 13  # none of them, then channels, openings and durations
-_PADDING: Final = ((0, 0, 0),) * 4
-_PACK_TICK: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING)
-_PACK_ANSWERED: Final = together(topics.SENSOR, topics.TRUTH, topics.TIMING, topics.ACTUATOR)
+_ROOM: Final = 4
+"""Pulses of one tick that its record has room for."""
 _SEVERITY: Final = {
     codes.CONTACT: topics.FAULT,
     codes.SAFE_STATE: topics.FAULT,
@@ -27,12 +26,11 @@ _SEVERITY: Final = {
 }
 
 
-def truth(s: PlantState) -> tuple[float, ...]:
-    """What the log holds of a state: the fields of /truth after its tick and instant."""
+def _add_truth(tick: int, t_ns: int, s: PlantState) -> None:
     m, dc = s.motion, s.dead_centre
-    return (
-        m.x_m, m.v_m_s, dc.fuel_kg, s.machine.load_coefficient_n_s_m, s.disturbances.mask,
-        dc.number, dc.t_ns, dc.x_m, s.contacts,
+    packing.truth(
+        tick, t_ns, m.x_m, m.v_m_s, dc.fuel_kg, s.machine.load_coefficient_n_s_m,
+        s.disturbances.mask, dc.number, dc.t_ns, dc.x_m, s.contacts,
     )  # fmt: skip
 
 
@@ -44,37 +42,50 @@ def pack_turn(
     Parameters: before : the state in which the tick began
     """
     tick = slot.tick
-    values = (
+    packing.begin()
+    packing.sensor(
         tick, t_ns, measured.x_m, measured.v_m_s, measured.p_left_pa, measured.p_right_pa,
-        measured.electric_power_w, 0, *truth(before),
-        slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0,
+        measured.electric_power_w, 0,
     )  # fmt: skip
+    _add_truth(tick, t_ns, before)
+    packing.timing(tick, t_ns, slot.scheduled_ns, slot.woke_ns, sent_ns, answer.tick, 0)
     if answer.batches and answer.command is not None:
-        data = _PACK_ANSWERED(*values, *_ordered(t_ns, answer, answer.command, before))
-    else:
-        data = _PACK_TICK(*values)
-    data += topics.FRAMES_SENT.pack(tick, t_ns, measured.batch)
+        _add_order(tick, t_ns, answer, answer.command, before)
+    packing.frames_sent(tick, t_ns, measured.batch)
     for received in answer.batches:
-        data += topics.FRAMES_RECEIVED.pack(tick, t_ns, received)
-    return data
+        packing.frames_received(tick, t_ns, received)
+    return packing.packed()
 
 
-def _ordered(t_ns: int, answer: Answer, command: Command, before: PlantState) -> tuple[float, ...]:
-    """The decoded answer in SI, as it acts from this tick on: the fields of /actuator."""
-    order = command.machine or before.machine.order
-    head = (answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m, answer.throttle)
-    if not command.pulses:
-        return (*head, *_NO_PULSES)
-    rows = [unwrapped(pulse, t_ns) for pulse in command.pulses[: len(_PADDING)]]
-    columns = zip(*(*rows, *_PADDING[len(rows) :]), strict=True)
-    channels, opens, durations = columns
-    return (*head, len(rows), *channels, *opens, *durations)
+def _add_order(tick: int, t_ns: int, answer: Answer, command: Command, before: PlantState) -> None:
+    """The decoded answer in SI, as it acts from this tick on."""
+    order, pulses = command.machine or before.machine.order, command.pulses
+    if pulses:
+        a, b = _row(pulses, 0, t_ns), _row(pulses, 1, t_ns)
+        c, d = _row(pulses, 2, t_ns), _row(pulses, 3, t_ns)
+    else:
+        a = b = c = d = (0, 0, 0)
+    packing.actuator(
+        tick, t_ns, answer.tick, order.mode, order.force_n, order.load_coefficient_n_s_m,
+        answer.throttle, min(len(pulses), _ROOM),
+        (a[0], b[0], c[0], d[0]), (a[1], b[1], c[1], d[1]), (a[2], b[2], c[2], d[2]),
+    )  # fmt: skip
+
+
+def _row(pulses: tuple[PulseOrder, ...], i: i64, now_ns: i64) -> tuple[i64, i64, i64]:
+    """Channel, opening, duration of a pulse on the run's clock [ns]; zeros when there is none."""
+    if i >= len(pulses):
+        return 0, 0, 0
+    pulse = pulses[i]
+    return pulse.channel, unwrap_ns(pulse.open_us, now_ns), pulse.duration_us * 1000
 
 
 def pack_skipped(tick: int, t_ns: int, woke_ns: int, before: PlantState) -> bytes:
     """Pack a tick whose slot has passed."""
-    times = topics.TIMING.pack(tick, t_ns, t_ns, woke_ns, woke_ns, -1, 1)
-    return topics.TRUTH.pack(tick, t_ns, *truth(before)) + times
+    packing.begin()
+    _add_truth(tick, t_ns, before)
+    packing.timing(tick, t_ns, t_ns, woke_ns, woke_ns, -1, 1)
+    return packing.packed()
 
 
 def pack_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:
@@ -89,8 +100,3 @@ def pack_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:
         )
         for event in events
     )
-
-
-def unwrapped(pulse: PulseOrder, now_ns: int) -> tuple[int, int, int]:
-    """(channel, opening, duration) of an order on the run's clock [ns]."""
-    return pulse.channel, unwrap_ns(pulse.open_us, now_ns), pulse.duration_us * 1000

@@ -30,9 +30,10 @@ from plant.rig.step import step
 from plant.sensors import sample, sensed
 
 _NAN: Final = float("nan")
-_X_MOST, _V_MOST = most_of(PistonSample, "x_m"), most_of(PistonSample, "v_m_s")
-_POWER_MOST = most_of(PlantTick, "electric_power_w")
-_P_MOST = most_of(PlantTick, "p_left_pa")
+_X_MOST: Final = most_of(PistonSample, "x_m")
+_V_MOST: Final = most_of(PistonSample, "v_m_s")
+_POWER_MOST: Final = most_of(PlantTick, "electric_power_w")
+_P_MOST: Final = most_of(PlantTick, "p_left_pa")
 _COMMAND_EVERY: Final = 10
 _NO_EVENTS: Final[tuple[Event, ...]] = ()
 
@@ -162,6 +163,7 @@ class PlantLoop:
             event = faults.parse(raw, origin, t_ns)
         except ConfigError as error:
             heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error))
+            commands.answer(False, tick, str(error))
             event = None
         if event is not None:
             ordered = Ordered(raw.decode(), t_ns, self.state.disturbances.next_edge)
@@ -169,6 +171,7 @@ class PlantLoop:
             self.params = faults.with_fault(self.params, ordered.next_edge, event)
             text = f"{event.kind} from {origin}"
             heard += topics.EVENT.pack(tick, t_ns, topics.INFO, "command", text)
+            commands.answer(True, tick, text)
         self._heard = heard
 
     def _catch_up(self, tick: int, slot: Slot) -> None:
@@ -232,7 +235,7 @@ class PlantLoop:
             return
         state = self.state
         status = PlantStatus(
-            t_s=slot.scheduled_ns * 1e-9,
+            t_s=float(slot.scheduled_ns) * 1e-9,
             tick=slot.tick,
             tdc_mm=abs(state.dead_centre.x_m) * 1e3 if state.dead_centre.number else None,
             late_us=late_ns // 1000,

@@ -33,7 +33,7 @@ from plant.status import describe, facts, is_safe, raise_if_lost
 def run(scenario: Resolved, log: Path | None, service: Service | None = None) -> int:
     """Run the plant to its end; as a service, until it is asked to end.
 
-    Raises: RunError when the controller was lost, ConfigError, LinkError
+    Raises: RunError when the controller was lost or the log is cut, ConfigError, LinkError
     """
     stop = Stop()
     stop.listen()
@@ -66,6 +66,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     stop.raise_if_caused()
     if service is None:
         raise_if_lost(loop)
+    recorder.raise_if_cut()
     return 0
 
 

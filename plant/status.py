@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.errors import RunError
+from hil.errors import PEER_LOST, RunError
 from hil.ports import Ports
 from hil.wire.latch import RELEASED
 from plant.loop import PlantLoop
@@ -30,7 +30,7 @@ def raise_if_lost(loop: PlantLoop) -> None:
     if loop.state.stale >= loop.params.stale_ticks:
         if not loop.answered:
             raise RunError("controller never answered")
-        raise RunError(f"controller lost: no valid command in the last {loop.state.stale} ticks")
+        raise RunError(f"controller {PEER_LOST} command in the last {loop.state.stale} ticks")
 
 
 def facts(loop: PlantLoop, ports: Ports, ticks: int) -> dict[str, Any]:

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from bench.run import directory
 from bench.run.directory import RunFiles
 from hil import log as logs
 from hil.config.resolved import Resolved
-from hil.errors import ConfigError
+from hil.files import Output
 from hil.log import Log
 from hil.wire.busload import BITS_MAX
 from hil.wire.codec import iter_frames
@@ -20,12 +19,14 @@ SUFFIXES: Final = (".log", ".asc", ".blf", ".csv", ".trc")
 """candump, Vector ASCII, Vector binary, comma-separated, PCAN trace."""
 
 
-def check_name(path: Path) -> None:
-    """Refuse a file that could not be written after the run.
+def output_of(path: Path, *, force: bool = False) -> Output:
+    """Return the file of a CAN log; refuse one that could not be written after the run.
 
     Raises: ConfigError naming the accepted suffixes
     """
-    directory.check_file("--can-log", path, *SUFFIXES)
+    file = Output("--can-log", path, force)
+    file.check(*SUFFIXES)
+    return file
 
 
 def _timed(log: Log, begin_ns: int, frame_ns: int, order: int) -> Iterator[tuple[int, int, int]]:
@@ -37,37 +38,35 @@ def _timed(log: Log, begin_ns: int, frame_ns: int, order: int) -> Iterator[tuple
             yield at_ns, can_id, word
 
 
-def write(path: Path, scenario: Resolved, files: RunFiles, begin_ns: int) -> int:
+def write(file: Output, scenario: Resolved, files: RunFiles, begin_ns: int) -> int:
     """Write the frames that both processes sent; returns how many.
 
     In a tick the plant's frames come first, then the controller's, each as long after the other
     as the bus needs for it at the most.
 
     Parameters: begin_ns : start of the run since the epoch [ns]
-    Raises: LogError, ConfigError when the file cannot be written
+    Raises: LogError, and as the file does when it cannot be written
     """
     import can
 
     frame_ns = round(1e9 * BITS_MAX / scenario.link.bitrate_bit_s)
     channel = scenario.link.bus_parts()[1] or scenario.link.kind
     count = 0
-    try:
-        with (
-            logs.open(files.plant_log) as plant,
-            logs.open(files.controller_log) as controller,
-            can.Logger(path) as writer,
-        ):
-            both = heapq.merge(
-                _timed(plant, begin_ns, frame_ns, 0), _timed(controller, begin_ns, frame_ns, 2)
-            )
-            for at_ns, can_id, word in both:
-                writer.on_message_received(
-                    can.Message(
-                        timestamp=at_ns * 1e-9, arbitration_id=can_id, is_extended_id=False,
-                        data=word.to_bytes(8, "little"), channel=channel,
-                    )
-                )  # fmt: skip
-                count += 1
-    except OSError as error:
-        raise ConfigError(f"--can-log {path}: {error.strerror}") from None
+    with (
+        file.writing() as beside,
+        logs.open(files.plant_log) as plant,
+        logs.open(files.controller_log) as controller,
+        can.Logger(beside) as writer,
+    ):
+        both = heapq.merge(
+            _timed(plant, begin_ns, frame_ns, 0), _timed(controller, begin_ns, frame_ns, 2)
+        )
+        for at_ns, can_id, word in both:
+            writer.on_message_received(
+                can.Message(
+                    timestamp=at_ns * 1e-9, arbitration_id=can_id, is_extended_id=False,
+                    data=word.to_bytes(8, "little"), channel=channel,
+                )
+            )  # fmt: skip
+            count += 1
     return count

@@ -10,6 +10,7 @@ from bench.bus import can_log
 from bench.bus.load import of_logs
 from bench.run.directory import RunFiles, opened
 from hil.config.resolved import Resolved, read_resolved
+from hil.files import Output
 from hil.wire.busload import worst_load
 
 
@@ -48,10 +49,10 @@ def figures(
     }
 
 
-def write_can_log(path: Path, scenario: Resolved, files: RunFiles, started: str) -> int:
+def write_can_log(file: Output, scenario: Resolved, files: RunFiles, started: str) -> int:
     """Write the frames of a run as a CAN log.
 
     Parameters: started : when the run began, as the summary says it
     """
     begin_ns = round(time.mktime(time.strptime(started[:19], "%Y-%m-%dT%H:%M:%S")) * 1e9)
-    return can_log.write(path, scenario, files, begin_ns)
+    return can_log.write(file, scenario, files, begin_ns)

@@ -19,7 +19,8 @@ from drivers.links import Connection
 from drivers.recorder.client import NullRecorder
 from drivers.zenoh.config import Role
 from hil.config.resolved import Resolved
-from hil.pacing import Slot
+from hil.pacing import Pacer, Slot
+from hil.ports import Recorder
 from hil.wire.codec import iter_frames
 
 TRANSIT_NS: Final = 50_000
@@ -55,17 +56,16 @@ class Clock:
         return self.t_ns
 
 
-class RigPacer:
+class RigPacer(Pacer):
     """A slot a tick, never late, never waiting for an answer."""
 
-    patience_ns = 0
-
     def __init__(self, clock: Clock, period_ns: int) -> None:
-        self.period_ns = period_ns
-        self.now_ns = clock.now_ns
+        super().__init__(period_ns)
+        self._clock = clock
 
-    def start(self, tick: int = 0) -> None:
-        """Nothing to start: time is the rig's."""
+    def now_ns(self) -> int:
+        """Return the rig's time [ns]."""
+        return self._clock.t_ns
 
     def wait(self, tick: int) -> Slot:
         """Return the slot of the tick."""
@@ -168,8 +168,19 @@ class RigPresence:
         """Return both roles."""
         return {"plant", "controller"}
 
+    def is_met(self) -> bool:
+        """They fit: this process has made both."""
+        return True
 
-class Tally:
+    def note(self, _code: str, _text: str) -> None:
+        """Nothing happens around a session that is none."""
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return nothing, for the same reason."""
+        return []
+
+
+class Tally(Recorder):
     """A recorder that only counts the plant's misfires."""
 
     def __init__(self) -> None:

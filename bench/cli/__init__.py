@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -12,11 +12,13 @@ from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
-from bench.cli.options import Assignments
+from bench.cli.options import Arguments, Assignments, Force
+from hil import compiled
 from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
     name="hil",
+    cls=Arguments,
     help="Hardware-in-the-loop bench for a free-piston engine generator.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -86,7 +88,7 @@ def run(
     """Run a scenario: plant and controller, logs, verdict, report.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
-    3: a fault at run time; 4: an order of the scenario was refused.
+    3: a fault at run time; 4: no verdict, an order was refused or the machine spoilt the run.
     """
     from bench.run import commands
 
@@ -119,19 +121,19 @@ LogOption = Annotated[Path | None, typer.Option("--log", help="MCAP file to writ
 
 
 @app.command()
-def plant(config: ConfigOption, log: LogOption = None) -> None:
+def plant(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the plant process alone."""
     from bench.run import commands
 
-    raise typer.Exit(commands.process("plant", config, log))
+    raise typer.Exit(commands.process("plant", config, log, force=force))
 
 
 @app.command()
-def controller(config: ConfigOption, log: LogOption = None) -> None:
+def controller(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the controller process alone."""
     from bench.run import commands
 
-    raise typer.Exit(commands.process("controller", config, log))
+    raise typer.Exit(commands.process("controller", config, log, force=force))
 
 
 @app.command()
@@ -140,16 +142,36 @@ def report(
     picture: Annotated[
         Path | None, typer.Option(help="Also write the overview alone, as an SVG file.")
     ] = None,
+    *,
+    force: Force = False,
 ) -> None:
     """Judge and draw a finished run again, from its logs."""
     from bench.run import commands
 
-    raise typer.Exit(commands.report(directory, picture))
+    raise typer.Exit(commands.report(directory, picture, force=force))
 
 
 @app.command()
-def check() -> None:
-    """Say what this machine can do, and how to mend what it cannot."""
+def check(
+    what: Annotated[
+        Literal["machine", "trust"],
+        typer.Argument(help="What this machine can do, or is promised."),
+    ] = "machine",
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="Few tries of each attack.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the table as a page (.md).")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Say what this machine can do and how to mend what it cannot; or attack what is promised.
+
+    `trust` kills, stops and floods runs and damages logs. Exit code 1: a promise was not kept.
+    """
+    if what == "trust":
+        from bench.trust.page import run as attack
+
+        raise typer.Exit(attack(out, quick=quick, force=force))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())
@@ -176,8 +198,21 @@ engine.register(app)
 fmu.register(app)
 
 
+def _tell_of_edits() -> None:
+    """Say on standard error that an edit has taken the compiled loops out of use."""
+    changed = compiled.edited()
+    if changed:
+        others = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        print(
+            f"{changed[0]}{others} changed since `hil compile`: the loops are interpreted until it "
+            "is run again", file=sys.stderr,
+        )  # fmt: skip
+
+
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
+    if sys.argv[1:2] != ["compile"]:
+        _tell_of_edits()
     sys.exit(run_to_end(lambda: app(standalone_mode=False)))
 
 

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+
+from bench.cli.options import Force
+
+if TYPE_CHECKING:
+    from hil.files import Output
 
 app = typer.Typer(
     name="engine", help="The detailed engines: tables, studies, precision.", no_args_is_help=True
@@ -48,21 +53,23 @@ def sweep(
     *,
     engine: EngineName = "nu-two-stroke",
     out: Annotated[Path | None, typer.Option(help="Picture to write (.svg, .png, .pdf).")] = None,
+    force: Force = False,
 ) -> None:
     """Repeat a parameter study of the thesis: its figures as a table, and as a picture."""
-    from bench.run import directory
+    from hil.files import Output
 
-    if out is not None:
-        directory.check_file("--out", out, ".svg", ".png", ".pdf")
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".svg", ".png", ".pdf")
     if over == "fuel":
-        _fuel(out)
+        _fuel(file)
     elif engine == "bit-starting" and over == "motor-force":
-        _starting(out)
+        _starting(file)
     else:
-        _settled(over, engine, out)
+        _settled(over, engine, file)
 
 
-def _settled(over: Over, engine: str, out: Path | None) -> None:
+def _settled(over: Over, engine: str, out: Output | None) -> None:
     from bench.studies.engine import plots
     from bench.studies.engine import sweep as engine_sweep
 
@@ -80,10 +87,11 @@ def _settled(over: Over, engine: str, out: Path | None) -> None:
             f"  {f.friction_w:6.1f}  {f.motoring_w:6.1f}  {100.0 * f.efficiency:5.2f}"
         )
     if out is not None:
-        plots.draw(points, over, engine, out)
+        with out.writing() as beside:
+            plots.draw(points, over, engine, beside)
 
 
-def _starting(out: Path | None) -> None:
+def _starting(out: Output | None) -> None:
     from bench.studies.engine import plots
     from bench.studies.engine import sweep as engine_sweep
 
@@ -92,10 +100,11 @@ def _starting(out: Path | None) -> None:
     for force, bars in peaks.items():
         print(f"{force:8g}  " + " ".join(f"{bar:5.1f}" for bar in bars))
     if out is not None:
-        plots.draw_starting(peaks, out)
+        with out.writing() as beside:
+            plots.draw_starting(peaks, beside)
 
 
-def _fuel(out: Path | None) -> None:
+def _fuel(out: Output | None) -> None:
     from bench.studies.engine import plots
     from bench.studies.engine import sweep as engine_sweep
 
@@ -104,7 +113,8 @@ def _fuel(out: Path | None) -> None:
     for change, tdc_m, speed in rows:
         print(f"{change:+8.0%}  {tdc_m * 1e3:8.2f}  {speed:7.1f}")
     if out is not None:
-        plots.draw_fuel(rows, out)
+        with out.writing() as beside:
+            plots.draw_fuel(rows, beside)
 
 
 @app.command()
@@ -112,13 +122,15 @@ def precision(
     *,
     engine: EngineName = "nu-two-stroke",
     out: Annotated[Path | None, typer.Option(help="Table to write (.csv).")] = None,
+    force: Force = False,
 ) -> None:
     """Measure work against precision: the fixed step beside scipy's LSODA and RK45."""
-    from bench.run import directory
     from bench.studies.engine.precision import measure
+    from hil.files import Output
 
-    if out is not None:
-        directory.check_file("--out", out, ".csv")
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".csv")
 
     lines = ["method,step_s_or_rtol,times_real_time,tdc_error_um,peak_pressure_error_percent"]
     lines += [
@@ -127,8 +139,8 @@ def precision(
         for p in measure(engine)
     ]
     print("\n".join(lines))
-    if out is not None:
-        out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if file is not None:
+        file.write("\n".join(lines) + "\n")
 
 
 def register(root: typer.Typer) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from bench.cli.options import Force
+
 app = typer.Typer(
     name="fmu", help="Functional Mock-up Units: export ours, look at others.", no_args_is_help=True
 )
@@ -26,6 +28,7 @@ def export(
         Prototype | None, typer.Option(help="Engine; nu, but bit for starting.")
     ] = None,
     fmi: Annotated[Literal["2", "3"], typer.Option(help="Version of the standard.")] = "3",
+    force: Force = False,
 ) -> None:
     """Write an engine model as a unit for co-simulation: a binary of this machine and its sources.
 
@@ -35,7 +38,7 @@ def export(
     from bench.fmu.export import export as write
     from hil.config.prototypes import engine_with
 
-    made = write(out, model, prototype or engine_with(model), int(fmi))
+    made = write(out, model, prototype or engine_with(model), int(fmi), force=force)
     print(f"{made.path}: FMI {fmi}.0, {made.platform}, {made.variables} variables")
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bench.cli.options import Assignments
+from bench.cli.options import Assignments, Force
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
 Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
@@ -86,11 +86,12 @@ def export(
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="From this time on [s].")] = None,
     end: Annotated[float | None, typer.Option("--until", help="Up to this time [s].")] = None,
+    force: Force = False,
 ) -> None:
-    """Hand a log to pandas, MATLAB or an ASAM tool."""
+    """Hand a log to pandas, MATLAB or an ASAM tool; what cannot be decoded is left out and told."""
     from bench.logs import commands
 
-    raise typer.Exit(commands.export(log, to, out, topic or [], start, end))
+    raise typer.Exit(commands.export(log, to, out, topic or [], start, end, force=force))
 
 
 def repair(
@@ -99,11 +100,12 @@ def repair(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="By default LOG with .repaired.mcap.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Save what can be saved from a damaged log, and prove it by reading it back."""
     from bench.logs import commands
 
-    raise typer.Exit(commands.repair(log, out))
+    raise typer.Exit(commands.repair(log, out, force=force))
 
 
 def golden(

@@ -7,10 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
+from bench.cli.options import Force
+
+Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
 LinkChoice = Literal["zenoh", "shm"]
 OutOption = Annotated[
     Path | None, typer.Option(help="Directory of latency.json and pictures; none: print only.")
 ]
+ModelOption = Annotated[Model, typer.Option(help="Engine model of the plant.")]
+LawOption = Annotated[str, typer.Option(help="Law of the controller.")]
 LinkOption = Annotated[LinkChoice, typer.Option(help="How plant and controller are joined.")]
 
 app = typer.Typer(
@@ -30,11 +35,12 @@ def latency(
     rounds: Annotated[int, typer.Option(min=1, max=100, help="Turns of all in order.")] = 4,
     seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of each turn [s].")] = 5.0,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Measure loop, cyclictest and a bare ping-pong in turns, and compare them."""
     from bench.measure.latency import Plan, run
 
-    raise typer.Exit(run(Plan(link, rate, rounds, seconds), out))
+    raise typer.Exit(run(Plan(link, rate, rounds, seconds), out, force=force))
 
 
 @app.command()
@@ -45,23 +51,57 @@ def rate(
     highest: Annotated[int, typer.Option(min=50, max=20_000)] = 20_000,
     seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of each trial [s].")] = 10.0,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
     """Find the highest rate with at most 1 in 10 000 deadlines missed."""
     from bench.measure.highest_rate import run
 
-    raise typer.Exit(run(link, (lowest, highest), seconds, out))
+    raise typer.Exit(run(link, (lowest, highest), seconds, out, force=force))
 
 
 @app.command()
 def step(
     *,
     ticks: Annotated[int, typer.Option(min=100, max=1_000_000)] = 5000,
+    model: ModelOption = "harmonic",
+    controller: LawOption = "cascade",
+    every: Annotated[
+        bool, typer.Option("--all", help="Every fast model with every law, whole ticks only.")
+    ] = False,
     out: OutOption = None,
+    force: Force = False,
 ) -> None:
-    """Print what each part of a tick costs."""
+    """Print what a tick of both loops costs, and each part of it."""
     from bench.measure.step_cost import run
 
-    raise typer.Exit(run(ticks, out))
+    raise typer.Exit(run(ticks, out, model, controller, every=every, force=force))
+
+
+@app.command()
+def lockstep(
+    *,
+    seconds: Annotated[float, typer.Option(min=0.5, max=3600.0, help="Of the run.")] = 60.0,
+    model: ModelOption = "harmonic",
+    controller: LawOption = "cascade",
+    out: OutOption = None,
+) -> None:
+    """Print how many times real time a run in one process goes, and the replay of its logs."""
+    from bench.logs.replay.speed import run
+
+    raise typer.Exit(run(seconds, out, model, controller))
+
+
+@app.command()
+def recorder(
+    *,
+    ticks: Annotated[int, typer.Option(min=10_000, max=100_000_000)] = 1_000_000,
+    out: OutOption = None,
+    force: Force = False,
+) -> None:
+    """Print how many ticks a second a recorder process takes, compression included."""
+    from bench.measure.recorder_cost import run
+
+    raise typer.Exit(run(ticks, out, force=force))
 
 
 @app.command()

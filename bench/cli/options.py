@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import re
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from hil.errors import ConfigError
+
+
+class Arguments(TyperGroup):
+    """The root of all commands: an empty argument is none, not the directory that one is in."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
+        """Read the arguments.
+
+        Raises: ConfigError when one of them is empty
+        """
+        for before, word in zip(["", *args], args, strict=False):
+            if not word or re.fullmatch(r"--[a-z-]+=", word):
+                name = word.rstrip("=") or before
+                raise ConfigError(f"{name} '': accepted is a value that is not empty".lstrip())
+        return super().parse_args(ctx, args)
+
+
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there already.")]
 Assignments = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a value; may be repeated."),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.options import Assignments
+from bench.cli.options import Assignments, Force
 
 
 def compare(
@@ -21,12 +21,13 @@ def compare(
     ] = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
+    force: Force = False,
     assignments: Assignments = None,
 ) -> None:
     """Run several laws on the same load steps, and draw them beside the physical bound."""
     from bench.studies import compare_command as work
 
-    raise typer.Exit(work.run(scenario, controllers, model, out, assignments or []))
+    raise typer.Exit(work.run(scenario, controllers, model, out, assignments or [], force=force))
 
 
 def tune(
@@ -40,11 +41,14 @@ def tune(
     out: Annotated[
         Path | None, typer.Option(help="Scenario file to write, gains and provenance in it.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Judge the gains of a law over load steps and model errors, or look for better ones."""
     from bench.studies import tune as work
 
-    raise typer.Exit(work.run(law, search=search, generations=generations, start=start, out=out))
+    raise typer.Exit(
+        work.run(law, search=search, generations=generations, start=start, out=out, force=force)
+    )
 
 
 def campaign(
@@ -56,11 +60,15 @@ def campaign(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="Local processes.")] = 2,
     runs: Annotated[int | None, typer.Option(min=1, help="Fewer or more runs.")] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="K/N", help="Only what machine K of N has to run."),
+    ] = None,
 ) -> None:
     """Run thousands of seeded variations on all cores or a cluster; resumable."""
     from bench.studies.campaign import command as work
 
-    raise typer.Exit(work.run(file, out, scheduler, workers, runs))
+    raise typer.Exit(work.run(file, out, scheduler, workers, runs, shard))
 
 
 def register(app: typer.Typer) -> None:

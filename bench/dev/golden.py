@@ -20,10 +20,9 @@ from bench.dev.golden_cases import CASES, Order, scenario_for
 from bench.logs.diff import Comparison, compare
 from bench.logs.replay.replay import replay_file
 from bench.run import directory as outdir
-from bench.run.single_process import turn_of
+from bench.run import offline
 from drivers.channels import MemoryCommands
 from drivers.links import Connection, open_memory
-from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
 from hil.config.resolved import Resolved
@@ -81,8 +80,7 @@ def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
         plant_end, controller_end = open_memory()
         loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
         mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
-        assert isinstance(plant_end.link, MemoryLink)
-        plant_end.link.on_send = turn_of(mind, controller_end.link)
+        offline.join(plant_end.link, controller_end.link, mind)
         waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
         tick, ticks = 0, scenario.ticks
         while tick < ticks:

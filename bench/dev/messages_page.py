@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.wire import messages
+from hil.wire import messages, terms
 from hil.wire.fields import LAYOUTS, Layout, Placed
 
 FRAME_BITS_MIN, FRAME_BITS_MAX = 111, 135
@@ -23,7 +23,7 @@ def page() -> str:
     ]
     for layout in LAYOUTS.values():
         lines += _table_of(layout)
-    return "\n".join([*lines, *_bus_load(), ""])
+    return "\n".join([*lines, *_handshake(), *_bus_load(), ""])
 
 
 def _table_of(layout: Layout) -> list[str]:
@@ -50,6 +50,26 @@ def _row(placed: Placed, comment: str) -> str:
         f"| `{placed.name}` | {bits} | {signal.kind} | {signal.scale:g} | {signal.unit} |"
         f" {low:g} to {high:g} | {comment} |"
     )
+
+
+def _handshake() -> list[str]:
+    """What is told before the first tick."""
+    ids = " and ".join(f"0x{can_id:X} from the {side}" for side, can_id in terms.CAN_IDS.items())
+    rows = [
+        f"| {number} | {term.key} | {'number' if term.is_number else 'hash'} | {term.meaning} |"
+        for number, term in enumerate(terms.DECLARED)
+    ]
+    return [
+        "## Before the first tick", "",
+        f"Each side tells its terms, one frame a term: {ids}.",
+        "Bits 0 to 7 are a CRC, 8 to 11 the number of the term, 12 to 15 how many there are,",
+        "16 to 47 the value: the number itself, or a hash (32 bits of BLAKE2b) of the name or the",
+        "figures. On a bus the plant asks with its own until the controller's are there; one that",
+        "answers ticks and tells no terms is taken and told as an event, `peer-without-terms`. On",
+        "the other links they stand beside a process's presence. Where they differ both sides say",
+        "so in one line and end with exit code 2.", "",
+        "| term | key | value | meaning |", "|---|---|---|---|", *rows, "",
+    ]  # fmt: skip
 
 
 def frames_per_tick() -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""What a unit is: the validator's findings, and each variable of the contract with its own one."""
+"""What a unit is: the validator's findings, its variables of the contract, and one step of it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from hil.errors import ConfigError
+from bench.fmu.trial import trial
+from hil.errors import ConfigError, printable
 from plant.engines.fmu.archive import Archive, library, open_archive
 from plant.engines.fmu.binding import Bound
 from plant.engines.fmu.contract import ALL
@@ -20,10 +21,10 @@ def check(file: Path, names: list[str]) -> int:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     library()
     archive = open_archive(file)
-    problems: list[str] = import_module("fmpy.validation").validate_fmu(str(file))
-    console.print(_title(archive))
+    problems = _problems(file)
+    console.print(printable(_title(archive)))
     for problem in problems:
-        console.print(f"validator: {' '.join(problem.split())}")
+        console.print(f"validator: {printable(' '.join(problem.split()))}")
     if not problems:
         console.print("validator: no problem")
     try:
@@ -32,8 +33,21 @@ def check(file: Path, names: list[str]) -> int:
         console.print(f"as plant: {error}")
         return 1
     console.print(_variables(unit))
-    console.print(f"as plant: {'; '.join(_abilities(unit))}")
+    reason = trial(file, _map(names))
+    if reason:
+        console.print(f"as plant: {printable(reason)}")
+        return 1
+    console.print(f"as plant: {'; '.join(_abilities(unit))}; loaded and stepped once")
     return 1 if problems else 0
+
+
+def _problems(file: Path) -> list[str]:
+    """Return what FMPy's validator finds, or what it fails at."""
+    try:
+        found: list[str] = import_module("fmpy.validation").validate_fmu(str(file))
+    except Exception as error:  # whatever it meets in a file that it does not expect
+        return [str(error).partition("\n")[0] or type(error).__name__]
+    return found
 
 
 def _title(archive: Archive) -> str:

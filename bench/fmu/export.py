@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.fmu.description import Entry, describe_build, describe_model
-from bench.run import directory as outdir
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
+from hil.files import Output
 from plant.engines.fast import shared
 from plant.engines.fast.constants import constants_of
 from plant.engines.fmu.archive import library
@@ -56,14 +56,15 @@ class Ingredients(NamedTuple):
     open: bool
 
 
-def export(out: Path, model: str, prototype: str, version: int) -> Exported:
+def export(out: Path, model: str, prototype: str, version: int, *, force: bool = False) -> Exported:
     """Write a unit for co-simulation; the same sources and compiler give the same bytes.
 
     Raises: ConfigError when the model has no export, there is no compiler, or `out` cannot be made
     """
     if model not in MODELS:
         raise ConfigError(f"--model {model}: accepted for a unit: {', '.join(MODELS)}")
-    outdir.check_file("OUT", out, ".fmu")
+    file = Output("OUT", out, force)
+    file.check(".fmu")
     folder = _folder(version)
     config = PlantConfig.model_validate({"model": model, "prototype": prototype})
     detailed = model in DETAILED_MODELS
@@ -84,7 +85,7 @@ def export(out: Path, model: str, prototype: str, version: int) -> Exported:
     }  # fmt: skip
     if made.open:
         parts |= _source_parts(sources, given, identifier, version)
-    _write(out, parts)
+    _write(file, parts)
     return Exported(out, folder, len(entries))
 
 
@@ -237,10 +238,7 @@ def _compile(sources: dict[str, str], objects: dict[str, bytes], given: dict[str
         return Path(directory, "unit.so").read_bytes()
 
 
-def _write(out: Path, parts: dict[str, bytes]) -> None:
-    try:
-        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as unit:
-            for name, data in parts.items():
-                unit.writestr(zipfile.ZipInfo(name, _ZIP_DATE), data, zipfile.ZIP_DEFLATED)
-    except OSError as error:
-        raise ConfigError(f"{out}: {error.strerror or error}") from None
+def _write(file: Output, parts: dict[str, bytes]) -> None:
+    with file.writing() as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as unit:
+        for name, data in parts.items():
+            unit.writestr(zipfile.ZipInfo(name, _ZIP_DATE), data, zipfile.ZIP_DEFLATED)

@@ -11,7 +11,7 @@ from hil.wire.commands import CONTROLLER
 
 _MAX_KEPT = 2000
 _REFUSED = "command-refused"
-_JUDGED = ("disturbance", "mode ", _REFUSED)
+_JUDGED = ("disturbance", "mode ", "safe-state", _REFUSED)
 """Codes that verdicts rest on: kept however many other lines there are."""
 
 

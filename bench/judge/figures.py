@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.judge.cause import NO_TRACE, Trace, read_trace
 from bench.judge.electric import Electric, read_electric
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
@@ -39,7 +42,10 @@ Figures = dict[str, Any]
 
 
 class RunData(NamedTuple):
-    """What is kept of a run's logs."""
+    """What is kept of a run's logs.
+
+    recorders: what those of plant and controller say of a log that is not whole
+    """
 
     scenario: Resolved
     truth: Truth
@@ -48,6 +54,8 @@ class RunData(NamedTuple):
     instants: tuple[Instant, ...]
     electric: Electric
     mode: str
+    trace: Trace = NO_TRACE
+    recorders: Mapping[str, Mapping[str, str]] = MappingProxyType({})
 
     @property
     def strokes(self) -> Strokes:
@@ -85,7 +93,10 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             instants(scenario, happenings),
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
             _last_mode(scenario, happenings, controller),
-        )
+            read_trace(scenario, happenings, both),
+            {name: told for name, log in both.items()
+             if "missing" in (told := log.metadata.get("recorder", {}))},
+        )  # fmt: skip
 
 
 def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:

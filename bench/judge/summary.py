@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bench.judge.cause import Cause, cause_of
 from bench.judge.figures import RunData, event_figures, figures
 from bench.judge.verdict import Verdict, conclude, judge, refusals
 from bench.run.directory import RunFiles
 from drivers.system.process import versions
 from hil.config.resolved import Resolved
-from hil.errors import LogError
+from hil.errors import PEER_LOST, BlockedError, LogError
+from hil.files import Output
 
 SCHEMA = 1
 
@@ -25,15 +28,23 @@ def summarise(data: RunData, run: dict[str, Any]) -> Summary:
     Parameters: run : what the orchestration knows: how the processes ended, wall time, error
     """
     checks, refused = judge(data), refusals(data)
+    cause = cause_of(data.scenario, data.trace, run.get("processes", {}))
     loop_s = [p["loop_s"] for p in run.get("processes", {}).values() if p.get("loop_s")]
     return {
-        **_head(data.scenario, _fault(run) or conclude(checks, refused)),
+        **_head(data.scenario, _fault(run, cause) or conclude(checks, refused, cause)),
         "expectations": [check._asdict() for check in checks],
         "refused": refused,
+        "cause": None if cause is None else cause.text,
         "figures": {**figures(data, max(loop_s, default=None)), **_effort(run)},
         "events": event_figures(data),
-        **_tail(data.scenario, run),
+        **_tail(data.scenario, {**run, **_recording(data)}),
     }
+
+
+def _recording(data: RunData) -> dict[str, Any]:
+    """What is to be said of the logs, if anything is."""
+    told: dict[str, Any] = {"recorders": data.recorders} if data.recorders else {}
+    return {**told, "recording": "deferred"} if data.scenario.log.defer else told
 
 
 def _effort(run: dict[str, Any]) -> dict[str, float]:
@@ -47,15 +58,24 @@ def _effort(run: dict[str, Any]) -> dict[str, float]:
 
 def summarise_fault(scenario: Resolved, run: dict[str, Any]) -> Summary:
     """Return the summary of a run whose logs cannot be read."""
-    empty: Summary = {"expectations": [], "refused": [], "figures": {}, "events": []}
+    empty: Summary = {
+        "expectations": [], "refused": [], "cause": None, "figures": {}, "events": [],
+    }  # fmt: skip
     verdict = _fault(run) or conclude([], [])
     return {**_head(scenario, verdict), **empty, **_tail(scenario, run)}
 
 
-def _fault(run: dict[str, Any]) -> Verdict | None:
-    """Return the verdict of a run that did not end as it should, None when it did."""
+def _fault(run: dict[str, Any], cause: Cause | None = None) -> Verdict | None:
+    """Return the verdict of a run that did not end as it should, None when it did.
+
+    A peer that was lost to the machine, though nobody has ended it, is no fault of either.
+    """
     error = run.get("error")
-    return Verdict("fault", run["exit_code"], error) if error else None
+    if not error:
+        return None
+    if cause is not None and cause.by_machine and PEER_LOST in error:
+        return Verdict("blocked", BlockedError.exit_code, f"{cause.text}; {error}")
+    return Verdict("fault", run["exit_code"], error)
 
 
 def _head(scenario: Resolved, verdict: Verdict) -> Summary:
@@ -90,11 +110,12 @@ def _tail(scenario: Resolved, run: dict[str, Any]) -> Summary:
 
 def write(summary: Summary, path: Path) -> None:
     """Write a summary; a figure that is no finite number becomes null."""
-    path.write_text(json.dumps(_finite(summary), indent=1) + "\n", encoding="utf-8")
+    text = json.dumps(_finite(summary), indent=1)
+    Output("summary", path, force=True).write(f"{text}\n")
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]

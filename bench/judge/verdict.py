@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from bench.judge.cause import Cause
 from bench.judge.figures import RunData
 from bench.judge.response import response, settled_after_s
 from controller.build import initial_mode
@@ -18,7 +19,7 @@ VERDICTS = {
     "met": "expectations met",
     "none": "nothing expected",
     "not met": "expectation not met",
-    "blocked": "an order was refused",
+    "blocked": "blocked: no verdict",
     "fault": "fault",
 }
 """Every verdict of a run, with how it is told."""
@@ -69,16 +70,24 @@ def refusals(data: RunData) -> list[str]:
     return told
 
 
-def conclude(checks: Sequence[Check], refused: Sequence[str]) -> Verdict:
-    """Return the verdict of a run that went to its end; a refused order outranks expectations."""
+def conclude(
+    checks: Sequence[Check], refused: Sequence[str], cause: Cause | None = None
+) -> Verdict:
+    """Return the verdict of a run that went to its end; a refused order outranks expectations.
+
+    What the machine spoilt says nothing of the controller; what was met in spite of it was met.
+    """
     failed = [check.text for check in checks if not check.met]
+    why = [cause.text] if cause is not None and (cause.safe or failed) else []
     if refused:
         return Verdict("blocked", BlockedError.exit_code, "; ".join(refused))
+    if failed and cause is not None and cause.by_machine:
+        return Verdict("blocked", BlockedError.exit_code, "; ".join(why + failed))
     if failed:
-        return Verdict("not met", NOT_MET, "; ".join(failed))
+        return Verdict("not met", NOT_MET, "; ".join(why + failed))
     if checks:
-        return Verdict("met", 0, "every expectation met")
-    return Verdict("none", 0, VERDICTS["none"])
+        return Verdict("met", 0, "; ".join(["every expectation met", *why]))
+    return Verdict("none", 0, "; ".join([VERDICTS["none"], *why]))
 
 
 def _check(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,8 @@ from rich.console import Console
 from drivers.links import open_operator
 from hil.config.load import parse_assignment, read_scenario
 from hil.config.process import LinkConfig, LoopConfig
-from hil.errors import ConfigError, LinkError
+from hil.errors import BlockedError, ConfigError, LinkError
+from hil.wire.answers import CommandAnswer
 from hil.wire.commands import BY_PARAMETER, OperatorCommand, read
 from hil.wire.status import SHOWN, Status
 
@@ -35,8 +35,8 @@ class Operator(Protocol):
     def poll_status(self) -> tuple[str, dict[str, Any]] | None:
         """Return (process, status) of the oldest status not yet taken, or None."""
 
-    def send_command(self, command: Mapping[str, object]) -> None:
-        """Send one command to every process of the engine."""
+    def ask(self, command: Mapping[str, object], to: str, timeout_s: float) -> CommandAnswer:
+        """Send one command and return what its addressee says."""
 
     def close(self) -> None:
         """Leave."""
@@ -155,9 +155,9 @@ def _watch_table(operator: Operator, statuses: dict[str, Status]) -> None:
 
 
 def set_points(assignments: Sequence[str], config: Path | None) -> int:
-    """Change set points of a running controller, and see that it took them.
+    """Change set points of a running controller.
 
-    Raises: ConfigError for what the controller would refuse, LinkError when nobody takes it
+    Raises: ConfigError for what no controller takes, else as `order`
     """
     return _command(commands_of(assignments), config)
 
@@ -188,21 +188,28 @@ def commands_of(assignments: Sequence[str]) -> list[OperatorCommand]:
 
 
 def order(kind: str, config: Path | None) -> int:
-    """Send `start` or `stop`."""
+    """Send `start` or `stop`.
+
+    Raises: BlockedError when it is refused, LinkError when nobody answers
+    """
     return _command([OperatorCommand(kind)], config)
 
 
 def _command(commands: Sequence[OperatorCommand], config: Path | None) -> int:
+    """Give one command after the other; each is answered before the next one goes.
+
+    Raises: BlockedError with the reason and what is accepted, LinkError when nobody answers
+    """
     operator = operator_of(config)
     try:
         _wait_for_controller(operator)
         for command in commands:
-            operator.send_command(command.table())
-        status = _after(operator, commands)
+            answer = operator.ask(command.table(), command.to, REACHED_S)
+            if not answer.taken:
+                raise BlockedError(f"{answer.process} refused {command.kind}: {answer.text}")
+            print(f"{answer.process}: {answer.text}; taken at tick {answer.tick}", flush=True)
     finally:
         operator.close()
-    words = [f"{SHOWN[key].label} {_cell(status, key)}" for key in ("mode", "tdc_ref_mm")]
-    print(f"controller: {', '.join(words)}")
     return 0
 
 
@@ -212,28 +219,3 @@ def _wait_for_controller(operator: Operator) -> None:
         if time.monotonic() > end_s:
             raise LinkError(f"no controller takes commands, waited {REACHED_S:g} s")
         time.sleep(_POLL_S)
-    gather(operator)
-
-
-def _after(operator: Operator, commands: Sequence[OperatorCommand]) -> Status:
-    """Return the controller's status once it shows the commanded set point.
-
-    Raises: LinkError when it does not
-    """
-    wanted_m = next((m for c in commands if (m := c.number("tdc_ref_m")) is not None), None)
-    # Of two statuses the second was certainly made after the command came.
-    end_s, seen = time.monotonic() + REACHED_S, 0
-    while time.monotonic() < end_s:
-        while (told := operator.poll_status()) is not None:
-            process, status = told
-            seen += process == "controller"
-            if seen >= 2 and _shows(status, wanted_m):
-                return status
-        time.sleep(_POLL_S)
-    raise LinkError("the controller did not take the command; its log says why")
-
-
-def _shows(status: Status, wanted_m: float | None) -> bool:
-    if wanted_m is None:
-        return True
-    return math.isclose(float(status.get("tdc_ref_mm") or 0.0), wanted_m * 1e3, abs_tol=1e-6)

@@ -7,7 +7,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from bench.logs.diff import Comparison, TopicGap
+from bench.logs.diff import Comparison
+from bench.logs.diff_topic import MESSAGE, TopicGap
 from bench.report.quantities import thousands
 
 _KEYS_SHOWN = 12
@@ -20,13 +21,16 @@ def show(console: Console, a: Path, b: Path, found: Comparison) -> None:
     rows = sum(gap.common for gap in found.topics)
     if found.first is None:
         where = "" if found.whole else " where both have ticks, and one of them has more"
-        style = "green" if found.whole else "yellow"
+        if found.lone:
+            where += f" in what both have; only one has {', '.join(found.lone)}"
+        style = "green" if found.same else "yellow"
         console.print(f"{a} and {b}: the same{where}, {thousands(rows)} messages", style=style)
         return
     first = found.first
+    kind = "message" if first.field == MESSAGE else "tick"
     unit = f" [{first.unit}]" if first.unit else ""
     console.print(
-        f"{a} and {b} part at tick {first.tick} (t = {first.t_ns * 1e-9:.6f} s): {first.topic} "
+        f"{a} and {b} part at {kind} {first.tick} (t = {first.t_ns * 1e-9:.6f} s): {first.topic} "
         f"{first.field}{unit}: A {_shown(first.recorded)}, B {_shown(first.replayed)}",
         style="red",
     )

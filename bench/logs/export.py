@@ -2,71 +2,93 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterator
+import json
+import re
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
+from bench.logs.export_mf4 import to_mf4
+from bench.logs.exported import Exported, Outcome, library
 from bench.run import directory
-from hil.errors import ConfigError, MissingExtraError
+from hil.errors import LogError
+from hil.files import Output
 from hil.log import Log, Span
-from hil.log.tables import column_units, columns
+from hil.log.coding import UndecodableError
+from hil.log.records import SCALARS
+from hil.log.tables import column_kinds, column_units, columns
 
 _ROW_GROUP = 65_536
+_LONGEST_STEM = 120
 
 
-class Exported(NamedTuple):
-    """One file that was written."""
-
-    path: Path
-    messages: int
-
-
-def library(name: str, purpose: str) -> Any:  # noqa: ANN401
-    """Import an optional library.
-
-    Raises: MissingExtraError
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise MissingExtraError(name.partition(".")[0], "export", purpose) from None
-
-
-def export(log: Log, kind: str, out: Path, topics: list[str], span: Span) -> list[Exported]:
+def export(
+    log: Log, kind: str, out: Path, topics: list[str], span: Span, *, force: bool = False
+) -> Outcome:
     """Write the topics of a log; a directory with a file each, or one file for MF4.
 
-    Raises: LogError for an unknown topic, ConfigError when it cannot be written,
-        MissingExtraError without the library
+    A topic that is not decoded is left out and told.
+
+    Raises: LogError for an unknown topic, ConfigError when it cannot be written or nothing can
+        be exported, MissingExtraError without the library
     """
     chosen = topics or [name for name, info in log.topics.items() if info.messages]
     for name in chosen:
         log.units(name)  # tells an unknown topic
-    directory.make_directory("--out", out.parent if kind == "mf4" else out)
-    try:
-        if kind == "mf4":
-            return _to_mf4(log, out, chosen, span)
-        write: Callable[..., int] = {"parquet": _to_parquet, "csv": _to_csv}[kind]
-        return [
-            Exported(path, write(log, name, path, span))
-            for name in chosen
-            for path in (out / f"{name.strip('/').replace('/', '_')}.{kind}",)
-        ]
-    except OSError as error:
-        raise ConfigError(f"{out}: {error.strerror or error}") from None
+    inputs = tuple(part.path for part in log.parts)
+    target = Output("--out", out, force, inputs)
+    if kind == "mf4":
+        done = to_mf4(log, target, chosen, span)
+    else:
+        done = _to_directory(log, kind, target, chosen, span)
+    if done.skipped and not done.files:
+        raise LogError(f"{log.path}: nothing exported: {'; '.join(done.skipped)}")
+    return done
+
+
+def _to_directory(log: Log, kind: str, target: Output, topics: list[str], span: Span) -> Outcome:
+    """Write a file a topic."""
+    write: Callable[..., int] = {"parquet": _to_parquet, "csv": _to_csv}[kind]
+    library("pyarrow", "this export")
+    stems = _stems(topics)
+    files = {t: target._replace(path=target.path / f"{stems[t]}.{kind}") for t in topics}
+    directory.make_directory("--out", target.path)
+    for file in files.values():
+        file.check()
+    done = Outcome([], [])
+    for name, file in files.items():
+        try:
+            with file.writing() as beside:
+                rows = write(log, name, beside, span)
+            done.files.append(Exported(file.path, rows))
+        except UndecodableError as error:
+            done.skipped.append(str(error).removeprefix(f"{log.path}: "))
+    return done
+
+
+def _stems(topics: list[str]) -> dict[str, str]:
+    """Return a file name for each topic, no two the same: frames_sent, frames_sent_2."""
+    found: dict[str, str] = {}
+    for name in topics:
+        plain = re.sub(r"[^\w.-]+", "_", name.strip("/"))[:_LONGEST_STEM].strip(".") or "topic"
+        stem, number = plain, 2
+        while stem in found.values():
+            stem, number = f"{plain}_{number}", number + 1
+        found[name] = stem
+    return found
 
 
 class _Batches(AbstractContextManager["_Batches"]):
     """Joins small blocks into row groups of a useful size for a pyarrow writer."""
 
-    def __init__(self, open_writer: Callable[[Any], Any], units: dict[str, str]) -> None:
+    def __init__(self, open_writer: Callable[[Any], Any], schema: Any) -> None:  # noqa: ANN401
         self._arrow = library("pyarrow", "this export")
         self._open = open_writer
-        self._units = units
+        self._schema = schema
         self._writer: Any = None
         self._waiting: list[Any] = []
         self._rows = 0
@@ -88,30 +110,47 @@ class _Batches(AbstractContextManager["_Batches"]):
 
     def add(self, block: dict[str, Any]) -> None:
         """Take one block of columns."""
-        batch = self._arrow.record_batch(block)
-        self._waiting.append(batch.cast(self._schema(batch.schema)))
+        arrays = [
+            self._arrow.array(block[field.name], field.type, from_pandas=False)
+            for field in self._schema
+        ]
+        batch = self._arrow.record_batch(arrays, schema=self._schema)
+        self._waiting.append(batch)
         self._rows += batch.num_rows
         self.messages += batch.num_rows
         if self._rows >= _ROW_GROUP:
             self._flush()
 
-    def _schema(self, schema: Any) -> Any:  # noqa: ANN401
-        """Give each column its unit, where any reader finds it."""
-        fields = [
-            field.with_metadata({"unit": self._units[field.name]})
-            if field.name in self._units
-            else field
-            for field in schema
-        ]
-        return self._arrow.schema(fields)
-
     def _flush(self) -> None:
+        if self._writer is None:
+            self._writer = self._open(self._schema)
         if self._waiting:
-            table = self._arrow.Table.from_batches(self._waiting)
-            if self._writer is None:
-                self._writer = self._open(table.schema)
-            self._writer.write_table(table)
+            self._writer.write_table(self._arrow.Table.from_batches(self._waiting))
             self._waiting, self._rows = [], 0
+
+
+def _arrow_type(arrow: Any, kind: str, *, as_text: bool) -> Any:  # noqa: ANN401
+    """Return what a column of a ROS type is to Arrow."""
+    base = kind.partition("[")[0]
+    if kind in SCALARS:
+        return arrow.from_numpy_dtype(np.dtype(kind))
+    if as_text or "/" in base or kind in {"string", "wstring"}:
+        return arrow.string()
+    if kind == "uint8[]":
+        return arrow.binary()
+    return arrow.list_(_arrow_type(arrow, base, as_text=as_text))
+
+
+def _arrow_schema(log: Log, topic: str, *, as_text: bool) -> Any:  # noqa: ANN401
+    """Return the columns of a topic, each with its unit where any reader finds it."""
+    arrow, units = library("pyarrow", "this export"), column_units(log, topic)
+    return arrow.schema(
+        arrow.field(
+            name, _arrow_type(arrow, kind, as_text=as_text),
+            metadata={"unit": units[name]} if name in units else None,
+        )
+        for name, kind in column_kinds(log, topic).items()
+    )  # fmt: skip
 
 
 def _to_parquet(log: Log, topic: str, path: Path, span: Span) -> int:
@@ -137,67 +176,23 @@ def _through_arrow(
     as_text: bool = False,
 ) -> int:
     """Write a topic; an empty one leaves a file without rows."""
-    with _Batches(open_writer, column_units(log, topic)) as batches:
+    if log.topics[topic].coding.reason:
+        raise UndecodableError(f"{log.path}: {topic}: {log.topics[topic].coding.reason}")
+    with _Batches(open_writer, _arrow_schema(log, topic, as_text=as_text)) as batches:
         for block in columns(log, topic, span):
             batches.add(_printable(block) if as_text else block)
-        return batches.messages
+    return batches.messages
 
 
 def _printable(block: dict[str, Any]) -> dict[str, Any]:
-    """Bytes as hexadecimal digits."""
+    """Bytes as hexadecimal digits, lists as JSON."""
     return {
-        name: [v.hex() if isinstance(v, bytes) else v for v in values]
-        if isinstance(values, list)
-        else values
+        name: [_text_of(v) for v in values] if isinstance(values, list) else values
         for name, values in block.items()
     }
 
 
-def _to_mf4(log: Log, out: Path, topics: list[str], span: Span) -> list[Exported]:
-    """One measurement file with a channel group a topic; text and frames have no place in it."""
-    mdf = library("asammdf", "export to MF4")
-    path = out if out.suffix == ".mf4" else out.with_name(f"{out.name}.mf4")
-    directory.check_file("--out", path)
-    written = 0
-    with mdf.MDF(version="4.10") as file:
-        for topic in topics:
-            if not log.topics[topic].layout.variable:
-                written += _add_group(mdf, file, log, topic, span)
-        file.save(path, overwrite=True)
-    return [Exported(path, written)]
-
-
-def _add_group(mdf: Any, file: Any, log: Log, topic: str, span: Span) -> int:  # noqa: ANN401
-    units = column_units(log, topic)
-    group, rows = None, 0
-    for block in _wide_blocks(log, topic, span):
-        t_s = block["t_ns"] * 1e-9
-        rows += len(t_s)
-        if group is None:
-            group = len(file.groups)
-            signals = [
-                mdf.Signal(values, t_s, unit=units.get(name, ""), name=f"{topic[1:]}.{name}")
-                for name, values in block.items()
-            ]
-            file.append(signals, acq_name=topic, common_timebase=True)
-        else:
-            file.extend(group, [(t_s, None), *((values, None) for values in block.values())])
-    return rows
-
-
-def _wide_blocks(log: Log, topic: str, span: Span) -> Iterator[dict[str, Any]]:
-    """Join the blocks of a few hundred rows that a chunk gives."""
-    waiting: list[dict[str, Any]] = []
-    rows = 0
-    for block in columns(log, topic, span):
-        waiting.append(block)
-        rows += len(block["t_ns"])
-        if rows >= _ROW_GROUP:
-            yield _joined(waiting)
-            waiting, rows = [], 0
-    if waiting:
-        yield _joined(waiting)
-
-
-def _joined(blocks: list[dict[str, Any]]) -> dict[str, Any]:
-    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+def _text_of(value: Any) -> str:  # noqa: ANN401
+    if isinstance(value, bytes):
+        return value.hex()
+    return value if isinstance(value, str) else json.dumps(value)

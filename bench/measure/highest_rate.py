@@ -58,13 +58,14 @@ class _Quiet:
         """Take no notice."""
 
 
-def run(link: str, limits_hz: tuple[int, int], seconds: float, out: Path | None) -> int:
+def run(
+    link: str, limits_hz: tuple[int, int], seconds: float, out: Path | None, *, force: bool = False
+) -> int:
     """Climb from rate to rate; print each and the highest that was held.
 
     Raises: ConfigError
     """
-    if out is not None:
-        directory.make_directory("--out", out)
+    files = [] if out is None else directory.claim("--out", out, ("rate.json",), force=force)
     console = Console(highlight=False)
     if not cyclictest.installed():
         console.print(f"cyclictest is not installed, so no comparison: {cyclictest.HINT}")
@@ -76,10 +77,10 @@ def run(link: str, limits_hz: tuple[int, int], seconds: float, out: Path | None)
             break
     best = highest(trials)
     console.print(f"highest rate held: {f'{best} Hz' if best else 'none of these'}")
-    if out is not None:
+    for file in files:
         told = {"link": link, "seconds": seconds, "highest_hz": best, "machine": machine(),
                 "trials": [{**t._asdict(), "held": t.held} for t in trials]}  # fmt: skip
-        (out / "rate.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+        file.write(json.dumps(told, indent=1))
     return 0
 
 

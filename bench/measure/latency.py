@@ -49,13 +49,13 @@ class Found(NamedTuple):
     granted: dict[str, str]
 
 
-def run(plan: Plan, out: Path | None) -> int:
+def run(plan: Plan, out: Path | None, *, force: bool = False) -> int:
     """Measure, print, and write latency.json and latency.png.
 
     Raises: RunError when a process of it fails, ConfigError
     """
-    if out is not None:
-        directory.make_directory("--out", out)
+    names = ("latency.json", "latency.png")
+    files = [] if out is None else directory.claim("--out", out, names, force=force)
     console = Console(highlight=False)
     if not cyclictest.installed():
         console.print(f"cyclictest is not installed, so no comparison: {cyclictest.HINT}")
@@ -65,12 +65,14 @@ def run(plan: Plan, out: Path | None) -> int:
         measure_round(plan, found)
     told = summarise(plan, found)
     _print(console, told)
-    if out is not None:
-        (out / "latency.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    if files:
         from bench.measure.latency_plot import write_picture
 
-        write_picture(told, out / "latency.png")
-        console.print(f"{out / 'latency.json'}, {out / 'latency.png'}")
+        figures, picture = files
+        figures.write(json.dumps(told, indent=1))
+        with picture.writing() as beside:
+            write_picture(told, beside)
+        console.print(f"{figures.path}, {picture.path}")
     return 0
 
 

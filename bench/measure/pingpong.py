@@ -24,7 +24,7 @@ from drivers.system.clock import SystemClock
 from drivers.system.process import Stop, guarded, open_recorder
 from drivers.system.realtime import pin, prepare
 from hil.config.resolved import Resolved, read_resolved
-from hil.pacing import RealTimePacer, Slot
+from hil.pacing import Pacer, RealTimePacer, Slot
 from hil.ports import Link
 
 PAYLOAD: Final = bytes(64)
@@ -57,15 +57,22 @@ class Times:
         path.write_text(json.dumps(facts), encoding="utf-8")
 
 
-class TimedPacer:
+class TimedPacer(Pacer):
     """A pacer in real time that notes how late each slot began."""
 
     def __init__(self, scenario: Resolved, times: Times) -> None:
-        self.period_ns = period_ns = scenario.loop.period_ns
-        self.patience_ns = 0
+        period_ns = scenario.loop.period_ns
+        super().__init__(period_ns)
         self._pacer = RealTimePacer(SystemClock(scenario.realtime.spin_s, period_ns), period_ns)
         self._times = times
-        self.start, self.now_ns = self._pacer.start, self._pacer.now_ns
+
+    def start(self, tick: int = 0) -> None:
+        """Let the slot of this tick begin now."""
+        self._pacer.start(tick)
+
+    def now_ns(self) -> int:
+        """Return the time since tick 0 was due [ns]."""
+        return self._pacer.now_ns()
 
     def wait(self, tick: int) -> Slot:
         """Return the slot of the tick."""
@@ -80,7 +87,7 @@ def tick_of(batch: bytes) -> int:
     return int.from_bytes(batch[2:10], "little") >> 12 & 0xFFFFFFFF
 
 
-class TimedLink:
+class TimedLink(Link):
     """A link whose `send` also waits for the answer, and keeps what came for `receive`.
 
     Only the answer to this very tick ends the wait: one to an earlier tick that comes late must

@@ -247,6 +247,7 @@ def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, for
     """
     with resolved(endless(minutes, changes)) as scenario:
         files = directory.prepare("soak", out, force=force)
+        made = directory.claim("--out", files.directory, ("soak.json", "soak.png"), force=force)
         console = Console(highlight=False)
         watcher = Watcher(os.getpid())
         watcher.start()
@@ -260,19 +261,18 @@ def run(minutes: float, changes: list[tuple[str, Any]], out: Path | None, *, for
     aged = ages(files, scenario)
     verdicts = judge(watcher.looks, aged, scenario)
     told = as_tree(minutes, scenario, watcher.looks, aged, verdicts)
-    (files.directory / "soak.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    made[0].write(json.dumps(told, indent=1))
     for verdict in verdicts:
         console.print(f"{'flat' if verdict.flat else 'NOT FLAT':9}{verdict.what}: {verdict.text}")
     from bench.measure.soak_plot import write_picture
 
-    write_picture(told, files.directory / "soak.png")
-    console.print(f"{files.directory / 'soak.json'}, {files.directory / 'soak.png'}")
-    if not told["flat"]:
-        return 1
-    for log in (files.plant_log, files.controller_log):
+    with made[1].writing() as beside:
+        write_picture(told, beside)
+    console.print(", ".join(str(file.path) for file in made))
+    for log in (files.plant_log, files.controller_log) if told["flat"] else ():
         for path in (*segments_before(log), log):
             path.unlink()
-    return 0
+    return 0 if told["flat"] else 1
 
 
 def as_tree(

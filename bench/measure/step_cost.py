@@ -1,195 +1,163 @@
-"""`hil bench step`: what each part of a tick costs, in one process over the memory link."""
+"""`hil bench step`: what a tick of both loops costs, and its parts, over the memory link."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 
 import controller.build
 import plant.build
 from bench.measure.latency import machine
-from bench.run import directory, scenarios
+from bench.measure.step_parts import WARM_UP, Changes, costs_us
+from bench.run import directory, offline, scenarios
 from bench.run.resolve import resolve
+from controller.motion.laws import LAWS
 from drivers.links import open_memory
-from drivers.memory_link import MemoryLink
+from drivers.recorder.client import NullRecorder
 from drivers.system.process import open_recorder
 from drivers.system.realtime import prepare
 from hil import compiled
+from hil.config.resolved import Resolved
+from hil.errors import ConfigError
 
-BUDGET_US: Final = 50.0
-_WARM_UP: Final = 200
-_PLANT_PARTS: Final = {
-    "_measure": "plant: sensors and encoding",
-    "_understand": "plant: decoding the answer",
-    "_record": "plant: packing records",
-    "_tell": "plant: status",
-}
-_CONTROLLER_PARTS: Final = {
-    "_take": "controller: decoding the sample",
-    "_step": "controller: layers",
-    "_command": "controller: looking for commands",
-    "_record": "controller: packing records",
-    "_tell": "controller: status",
-}
-_TURN, _ANSWER = "plant: physics and turn", "controller: turn"
-_ENCODING, _RING = "controller: encoding", "recorder ring"
+BUDGET_US: Final = {False: 50.0, True: 5.0}
+"""Of a whole tick, interpreted and compiled."""
+
+FAST: Final = ("closed-form", "harmonic", "rectangular", "nonlinear")
+_TURNS: Final = 3
+_RING: Final = "recorder rings"
+_REST: Final = "turns, link, and what is not in the caches"
 
 
-class Stopwatch:
-    """Time by part; while an inner part runs, the outer one stands still."""
+class Whole(NamedTuple):
+    """A whole tick of both loops [us]: mean, and quantiles of single ticks."""
 
-    def __init__(self) -> None:
-        self.ticks: list[dict[str, int]] = []
-        self._open: list[str] = []
-        self._since_ns = 0
-
-    def begin_tick(self) -> None:
-        """Count from now on for another tick."""
-        self.ticks.append({})
-
-    def around(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the function with its time counted for the part."""
-        now = time.perf_counter_ns
-
-        def timed(*arguments: Any, **named: Any) -> Any:  # noqa: ANN401
-            self._pass(now())
-            self._open.append(part)
-            try:
-                return function(*arguments, **named)
-            finally:
-                self._pass(now())
-                self._open.pop()
-
-        return timed
-
-    def _pass(self, now_ns: int) -> None:
-        if self._open:
-            tick, part = self.ticks[-1], self._open[-1]
-            tick[part] = tick.get(part, 0) + now_ns - self._since_ns
-        self._since_ns = time.perf_counter_ns()
-
-
-class _TimedEncoder:
-    """An encoder with its time counted."""
-
-    def __init__(self, encoder: Any, watch: Stopwatch) -> None:  # noqa: ANN401
-        self._encoder = encoder
-        self.encode = watch.around(_ENCODING, encoder.encode)
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
-        return getattr(self._encoder, name)
-
-
-class Cost(NamedTuple):
-    """What a part takes of a tick [us]; the mean counts ticks without it as nothing."""
-
-    part: str
     mean_us: float
     p50_us: float
     p99_us: float
 
 
-def run(ticks: int, out: Path | None) -> int:
-    """Run so many ticks of the steady scenario and print the parts."""
-    if out is not None:
-        directory.make_directory("--out", out)
-    watch = Stopwatch()
-    whole_us = measure(ticks, watch)
-    costs = costs_of(watch)
-    _print(Console(highlight=False), costs, whole_us)
-    if out is not None:
-        told = {"machine": machine(), "whole_us": whole_us, "parts": [c._asdict() for c in costs]}
-        (out / "step.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+def run(
+    ticks: int, out: Path | None, model: str, law: str, *, every: bool, force: bool = False
+) -> int:
+    """Run so many ticks of the steady scenario and print what they cost."""
+    files = [] if out is None else directory.claim("--out", out, ("step.json",), force=force)
+    console = Console(highlight=False)
+    told: dict[str, Any] = {"machine": machine(), "compiled": compiled.in_force()}
+    if every:
+        told["whole_us"] = table = measure_all(ticks)
+        console.print(_grid(table))
+    else:
+        whole, parts = measure(ticks, [("plant.model", model), ("controller.name", law)])
+        told |= {"whole_us": whole.mean_us, **whole._asdict(), "parts": parts}
+        console.print(_listed(whole, parts))
+    kind = "compiled" if compiled.in_force() else "interpreted (`hil compile` makes it faster)"
+    budget = f"{BUDGET_US[compiled.in_force()]:g} µs"
+    console.print(f"{kind} loops; budget of a whole tick in lockstep over memory: {budget}")
+    for file in files:
+        file.write(json.dumps(told, indent=1))
     return 0
 
 
-def measure(ticks: int, watch: Stopwatch) -> float:
-    """Run so many ticks, then as many with every part timed; return the mean of the former [us]."""
-    changes: list[tuple[str, Any]] = [
+def _changes(ticks: int, changes: Changes) -> Changes:
+    """The steady scenario in lockstep over memory, for the warm-up and so many ticks."""
+    return [
         ("link.kind", "memory"),
         ("loop.clock", "lockstep"),
-        ("run.duration_s", (2 * ticks + _WARM_UP) / 1000.0),
+        ("run.duration_s", (WARM_UP + ticks) / 1000.0),
+        *changes,
     ]
+
+
+def measure(ticks: int, changes: Changes) -> tuple[Whole, dict[str, float]]:
+    """Return what a tick costs with logs, and the parts of it, the dearest first [us]."""
+    changes = _changes(ticks, changes)
     scenario = resolve(scenarios.read("steady", changes))
-    ends = open_memory()
     with tempfile.TemporaryDirectory(prefix="hil-step-") as name:
-        logs = [
-            open_recorder(Path(name) / f"{side}.mcap", scenario, side)
-            for side in ("plant", "controller")
-        ]
-        plant_loop = plant.build.make_loop(scenario, ends[0], logs[0])
-        answering = controller.build.make_loop(scenario, ends[1], logs[1])
         prepare(scenario.realtime)
-        try:
-            tick, whole_us = _untimed(plant_loop, answering, ends, ticks)
-            if compiled.in_force():  # the parts are timed from outside, which lets none in
-                return whole_us
-            _time_parts(plant_loop, answering, watch)
-            assert isinstance(ends[0].link, MemoryLink)
-            answer = watch.around(_ANSWER, answering.turn)
-            ends[0].link.on_send = lambda: answer(ends[1].link.receive())
-            turn = watch.around(_TURN, plant_loop.turn)
-            for _ in range(ticks):
-                watch.begin_tick()
-                tick = turn(tick)
-        finally:
-            for log in logs:
-                log.close()
-    return whole_us
+        parts = costs_us(changes, ticks, Path(name))
+        logged = min((_whole(scenario, Path(name)) for _ in range(_TURNS)), key=lambda w: w[0])
+        bare = min(_whole(scenario, None)[0] for _ in range(_TURNS))
+    parts[_REST] = max(bare - sum(parts.values()), 0.0)
+    parts[_RING] = max(logged.mean_us - bare, 0.0)
+    return logged, dict(sorted(parts.items(), key=lambda item: -item[1]))
 
 
-def _untimed(loop: Any, answering: Any, ends: Any, ticks: int) -> tuple[int, float]:  # noqa: ANN401
-    """Run warm-up and plain ticks; return the next tick and the mean [us]."""
-    ends[0].link.on_send = lambda: answering.turn(ends[1].link.receive())
-    tick = 0
-    while tick < _WARM_UP:
+def measure_all(ticks: int) -> dict[str, dict[str, float | None]]:
+    """Return the mean of every fast model and law [us]; None where the law refuses the model."""
+    table: dict[str, dict[str, float | None]] = {}
+    with tempfile.TemporaryDirectory(prefix="hil-step-") as name:
+        prepare(resolve(scenarios.read("steady", _changes(ticks, []))).realtime)
+        for model in FAST:
+            for law in LAWS:
+                changes = [("plant.model", model), ("controller.name", law)]
+                cost = None
+                with contextlib.suppress(ConfigError):
+                    scenario = resolve(scenarios.read("steady", _changes(ticks, changes)))
+                    cost = min(_whole(scenario, Path(name)).mean_us for _ in range(_TURNS))
+                table.setdefault(model, {})[law] = cost
+    return table
+
+
+def _whole(scenario: Resolved, logs: Path | None) -> Whole:
+    """Run the scenario once, with logs if there is a place for them."""
+    ends = open_memory()
+    recorders = [
+        NullRecorder() if logs is None else open_recorder(logs / f"{side}.mcap", scenario, side)
+        for side in ("plant", "controller")
+    ]
+    try:
+        loop = plant.build.make_loop(scenario, ends[0], recorders[0])
+        answering = controller.build.make_loop(scenario, ends[1], recorders[1])
+        offline.join(ends[0].link, ends[1].link, answering)
+        tick = offline.run_ticks(loop, 0, WARM_UP)
+        middle = (tick + scenario.ticks) // 2
+        start_ns = time.perf_counter_ns()
+        tick = offline.run_ticks(loop, tick, middle)
+        mean_us = (time.perf_counter_ns() - start_ns) / (middle - WARM_UP) * 1e-3
+        single_us = _single(loop, tick, scenario.ticks)
+    finally:
+        for recorder in recorders:
+            recorder.close()
+    p50, p99 = np.percentile(single_us, [50, 99])
+    return Whole(mean_us, float(p50), float(p99))
+
+
+def _single(loop: Any, tick: int, end: int) -> list[float]:  # noqa: ANN401
+    """Time each tick by itself; the watch takes a tenth of a microsecond."""
+    now, single_us = time.perf_counter_ns, []
+    before_ns = now()
+    while tick < end:
         tick = loop.turn(tick)
-    start_ns = time.perf_counter_ns()
-    while tick < _WARM_UP + ticks:
-        tick = loop.turn(tick)
-    return tick, (time.perf_counter_ns() - start_ns) / ticks * 1e-3
+        now_ns = now()
+        single_us.append((now_ns - before_ns) * 1e-3)
+        before_ns = now_ns
+    return single_us
 
 
-def _time_parts(loop: Any, answering: Any, watch: Stopwatch) -> None:  # noqa: ANN401
-    """Put the stopwatch around the parts of both loops."""
-    for timed, parts in ((loop, _PLANT_PARTS), (answering, _CONTROLLER_PARTS)):
-        for name, part in parts.items():
-            setattr(timed, name, watch.around(part, getattr(timed, name)))
-        timed._put = watch.around(_RING, timed._put)  # noqa: SLF001  # timed from outside
-    answering._encoder = _TimedEncoder(answering._encoder, watch)  # noqa: SLF001
-
-
-def costs_of(watch: Stopwatch) -> list[Cost]:
-    """Return the parts, the dearest first."""
-    parts = sorted({part for tick in watch.ticks for part in tick})
-    costs = []
-    for part in parts:
-        every = np.array([tick.get(part, 0) for tick in watch.ticks]) * 1e-3
-        p50, p99 = np.percentile(every, [50, 99])
-        costs.append(Cost(part, float(every.mean()), float(p50), float(p99)))
-    return sorted(costs, key=lambda cost: -cost.mean_us)
-
-
-def _print(console: Console, costs: list[Cost], whole_us: float) -> None:
-    from rich.table import Table
-
+def _listed(whole: Whole, parts: dict[str, float]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in ("part of a tick [µs]", "mean", "p50", "p99"):
         table.add_column(title, justify="left" if "part" in title else "right")
-    for part, *values in costs:
-        table.add_row(part, *(f"{value:.1f}" for value in values))
-    if costs:
-        total = sum(cost.mean_us for cost in costs)
-        table.add_row("sum, with the stopwatch", f"{total:.1f}", "", "")
-    table.add_row("whole tick, without it", f"{whole_us:.1f}", "", "")
-    console.print(table)
-    if not costs:
-        console.print("compiled loops; the parts are told by the interpreted: HIL_COMPILED=off")
-    console.print(f"budget of a whole tick in lockstep over memory: {BUDGET_US:g} µs")
+    for part, mean_us in parts.items():
+        table.add_row(part, f"{mean_us:.2f}", "", "")
+    table.add_row("whole tick, with both logs", *(f"{value:.2f}" for value in whole))
+    return table
+
+
+def _grid(costs: dict[str, dict[str, float | None]]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("whole tick [µs]")
+    for law in LAWS:
+        table.add_column(law, justify="right")
+    for model, row in costs.items():
+        table.add_row(model, *("-" if us is None else f"{us:.2f}" for us in row.values()))
+    return table

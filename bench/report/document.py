@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from bench.judge.figures import RunData
@@ -17,6 +16,7 @@ from bench.report.style import style, svg
 from bench.report.traces import Traces, read_traces
 from bench.run.directory import RunFiles
 from hil.errors import MissingExtraError
+from hil.files import Output
 
 _MAX_EVENTS = 300
 
@@ -35,14 +35,15 @@ def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
         raise MissingExtraError("matplotlib", "desk", "the report") from None
-    files.report.write_text(_page(data, summary, pictures, engine), encoding="utf-8")
+    page = _page(data, summary, pictures, engine)
+    Output("report", files.report, force=True).write(page)
 
 
-def save_picture(data: RunData, files: RunFiles, path: Path) -> None:
+def save_picture(data: RunData, files: RunFiles, file: Output) -> None:
     """Write the overview alone as an SVG file, as the documentation shows it."""
     with style():
         text = svg(plots_motion.overview(data, read_traces(data, files)), transparent=False)
-    path.write_text(text, encoding="utf-8")
+    file.write(text)
 
 
 def _pictures(data: RunData, traces: Traces) -> list[str]:
@@ -101,9 +102,13 @@ def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str)
 
 
 def _fault(summary: Summary) -> str:
-    if summary["verdict"] not in {"fault", "blocked"}:
-        return ""
-    return f'<p class="fault">{html.escape(summary["exit_reason"])}</p>'
+    """Why there is no verdict, or why the run went to its safe state."""
+    told = summary["cause"] or ""
+    if summary["verdict"] in {"fault", "blocked"}:
+        told = summary["exit_reason"]
+    elif told not in summary["exit_reason"]:
+        told = ""
+    return f'<p class="fault">{html.escape(told)}</p>' if told else ""
 
 
 def _tiles(summary: Summary) -> str:

@@ -132,7 +132,7 @@ def _run_again(p: PlantParams, s: PlantState, log: Log, span: Span) -> tuple[Fin
         command = orders.get(int(row["tick"]) - p.delay_ticks, Command())
         for part in range(parts):
             inner = s.motion.inner
-            times.append(s.tick * fine.period_ns * 1e-9)
+            times.append(float(s.tick) * fine.period_ns * 1e-9)
             ys.append(np.frombuffer(inner.y))
             ds.append(np.frombuffer(inner.d))
             s, _ = step(fine, s, command if part == 0 else Command())

@@ -15,17 +15,18 @@ from bench import streams
 from bench.bus import can_log, commands
 from bench.judge import summary
 from bench.judge.figures import RunData, read_run
+from bench.logs.mending import mend
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
 from bench.run.directory import RunFiles
 from bench.run.execution import Ended, execute, resolved
-from bench.run.mending import mend
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
 from hil.config.load import parse_assignment, read_scenario
 from hil.config.resolved import Resolved, read_resolved
 from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError, RunError
+from hil.files import Output
 
 
 class RunOptions(NamedTuple):
@@ -67,8 +68,9 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     """
     if options.report and find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
+    frames = None
     if options.can_log is not None:
-        can_log.check_name(options.can_log)
+        frames = can_log.output_of(options.can_log, force=options.force)
     console = Console(highlight=False)
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
@@ -79,8 +81,8 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
         raise ended.error
     with _told_of(files):
         told = _conclude(scenario, ended, files, report=options.report)
-    if options.can_log is not None and files.plant_log.exists():
-        commands.write_can_log(options.can_log, scenario, files, ended.started)
+    if frames is not None and files.plant_log.exists():
+        commands.write_can_log(frames, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
         raise ended.error
     if told["verdict"] == "fault":
@@ -119,6 +121,10 @@ def _conclude(
         facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
     for log in (files.plant_log, files.controller_log):
         mend(log)
+    if isinstance(ended.error, InterruptedRunError):  # judging may take longer than a user waits
+        told = summary.summarise_fault(scenario, facts)
+        summary.write(told, files.summary)
+        return told
     try:
         data = read_run(scenario, files)
     except LogError as error:
@@ -132,7 +138,7 @@ def _conclude(
         facts["bus"] = commands.figures(scenario, files)
     told = summary.summarise(data, facts)
     summary.write(told, files.summary)
-    if report and not isinstance(ended.error, InterruptedRunError) and len(data.strokes.t_ns):
+    if report and len(data.strokes.t_ns):
         _write_report(data, told, files)
     return told
 
@@ -146,6 +152,9 @@ def _cut_short(data: RunData) -> dict[str, Any]:
     if ticks >= wanted:
         return {}
     line = f"the plant's log ends after {ticks} of {wanted} ticks"
+    if "plant" in data.recorders:
+        missing = data.recorders["plant"]["missing"]
+        line = f"the plant's log lacks {wanted - ticks} of {wanted} ticks: {missing}"
     return {"error": line, "exit_code": RunError.exit_code}
 
 
@@ -155,19 +164,23 @@ def _write_report(data: RunData, told: summary.Summary, files: RunFiles) -> None
     write_report(data, told, files)
 
 
-def report(directory: Path, picture: Path | None) -> int:
-    """Judge and draw a finished run again, from its logs."""
+def report(directory: Path, picture: Path | None, *, force: bool = False) -> int:
+    """Judge and draw a finished run again, from its logs; its own summary and report are new."""
     files = outdir.opened(directory)
+    drawn = None
     if picture is not None:
-        outdir.check_file("--picture", picture, ".svg")
+        drawn = Output("--picture", picture, force, tuple(files.existing()))
+        drawn.check(".svg")
     data = read_run(read_resolved(files.scenario), files)
+    if not data.truth.ticks:
+        raise LogError(f"{files.plant_log}: nothing to judge or draw: it has no rows of /truth")
     told = summary.summarise(data, summary.read_run_facts(files))
     summary.write(told, files.summary)
     _write_report(data, told, files)
-    if picture is not None:
+    if drawn is not None:
         from bench.report.document import save_picture
 
-        save_picture(data, files, picture)
+        save_picture(data, files, drawn)
     conclusion.show(Console(highlight=False), told, files.report, files.directory)
     return 0
 
@@ -187,8 +200,10 @@ def list_scenarios() -> int:
     return 0
 
 
-def process(side: str, config: Path, log: Path | None) -> int:
+def process(side: str, config: Path, log: Path | None, *, force: bool = False) -> int:
     """Run one process, with what its configuration leaves open filled in."""
+    if log is not None:
+        Output("--log", log, force, (config,)).check()
     scenario = resolve(read_scenario(config))
     if side == "plant":
         from plant.main import run as run_plant

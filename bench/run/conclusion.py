@@ -24,6 +24,8 @@ def show(console: Console, summary: Summary, report: Path | None, directory: Pat
     told = VERDICTS[verdict] if verdict == "none" else verdict
     head = Text.assemble((summary["scenario"], "bold"), ": ", (told, f"bold {_COLOURS[verdict]}"))
     console.print(head)
+    if summary["cause"] and summary["cause"] in summary["exit_reason"]:
+        console.print(Text("  ! ", style="yellow") + Text(summary["cause"]), soft_wrap=True)
     for line in summary["refused"]:
         console.print(Text("  ✗ ", style="red") + Text(line, style=""), soft_wrap=True)
     for check in summary["expectations"]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from hil.errors import ConfigError
+from hil.files import Output
 
 
 class RunFiles(NamedTuple):
@@ -91,20 +93,16 @@ def opened(directory: Path) -> RunFiles:
     return files
 
 
-def check_file(option: str, path: Path, *suffixes: str) -> None:
-    """Refuse a file that could not be written after the work; nothing is left behind.
+def claim(option: str, directory: Path, names: Sequence[str], *, force: bool) -> list[Output]:
+    """Make a directory for results before the work begins; return the files that go into it.
 
-    Raises: ConfigError naming the option and what is accepted
+    Raises: ConfigError naming the option when one is there already, or cannot be made
     """
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise ConfigError(f"{option} {path}: accepted is a name ending in {', '.join(suffixes)}")
-    existed = path.exists()
-    try:
-        path.open("ab").close()
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise ConfigError(f"{option} {path}: {error.strerror}") from None
+    make_directory(option, directory)
+    files = [Output(option, directory / name, force) for name in names]
+    for file in files:
+        file.check()
+    return files
 
 
 def check_directory(option: str, path: Path) -> None:

@@ -7,7 +7,7 @@ import contextlib
 import resource
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import uvloop
@@ -15,16 +15,17 @@ import uvloop
 from bench.live.feed import watch_status
 from bench.run.directory import RunFiles
 from bench.run.failure import error_of
-from bench.run.processes import Child, supervise
+from bench.run.processes import Child, Status, supervise
 from bench.run.progress import View
 from bench.run.resolve import resolve
 from bench.run.sockets import socket_directory
-from drivers.recorder.client import wait_finished
+from drivers.recorder.output import wait_finished
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import HilError, RunError
+from hil.files import Output
 
-_LOG_TIMEOUT_S = 30.0
+_LOG_TIMEOUT_S, _INTERRUPT_TIMEOUT_S = 30.0, 1.0
 _HANDLES = 40
 
 
@@ -51,7 +52,7 @@ def resolved(scenario: Scenario) -> Iterator[Resolved]:
 def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Run a scenario and tell how its processes ended."""
     _check_handles()
-    files.scenario.write_text(scenario.model_dump_json(indent=1), encoding="utf-8")
+    Output("--out", files.scenario, force=True).write(scenario.model_dump_json(indent=1))
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop()  # where it cannot be made, nothing has begun
         return runner.run(_run(scenario, files, view))
@@ -75,40 +76,55 @@ async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
             loop.add_signal_handler(number, interrupt.set)
     started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     start_s = time.monotonic()
-    async with watch_status(scenario, view.update):
-        children = await _start(scenario, files, view)
+    children: list[Child] = []
+
+    def on_status(status: Status) -> None:
+        view.update(status)
+        for child in children:
+            if child.name in {status.get("process"), "loop"}:
+                child.witness.look(float(status.get("t_s") or 0.0))
+
+    async with watch_status(scenario, on_status):
+        await _start(children, scenario, files, on_status)
         end = await supervise(children, interrupt)
     wall_s = time.monotonic() - start_s
-    await _collect(children, files)
+    await _collect(children, files, _INTERRUPT_TIMEOUT_S if end.interrupted else _LOG_TIMEOUT_S)
     processes = {child.name: _facts(child) for child in children}
     error = error_of(end, children, files)
     return Ended(processes, wall_s, started, error, error.exit_code if error else 0)
 
 
-async def _start(scenario: Resolved, files: RunFiles, view: View) -> list[Child]:
+async def _start(
+    children: list[Child], scenario: Resolved, files: RunFiles, on_status: Callable[[Status], None]
+) -> None:
     """Start both processes, or the one that holds both when the link is memory."""
     config = ["--config", str(files.scenario)]
     plant, controller = str(files.plant_log), str(files.controller_log)
     if scenario.link.kind == "memory":
         logs = ["--plant-log", plant, "--controller-log", controller]
-        return [await Child.start("loop", "bench.run.single_process", config + logs, view.update)]
-    logs_of = {"plant": plant, "controller": controller}
-    return [
-        await Child.start(name, f"{name}.main", [*config, "--log", log], view.update)
-        for name, log in logs_of.items()
-    ]
+        module = "bench.run.single_process"
+        children.append(await Child.start("loop", module, config + logs, on_status))
+        return
+    for name, log in (("plant", plant), ("controller", controller)):
+        arguments = [*config, "--log", log]
+        children.append(await Child.start(name, f"{name}.main", arguments, on_status))
 
 
-async def _collect(children: list[Child], files: RunFiles) -> None:
-    """Wait for the recorders, which outlive their processes, and keep what was said."""
+async def _collect(children: list[Child], files: RunFiles, timeout_s: float) -> None:
+    """Wait for the recorders, which outlive their processes, and keep what was said.
+
+    One that has not finished within the time goes on by itself.
+    """
     for log in (files.plant_log, files.controller_log):
         if log.exists():
-            await asyncio.to_thread(wait_finished, log, _LOG_TIMEOUT_S)
+            with contextlib.suppress(RunError):
+                await asyncio.to_thread(wait_finished, log, timeout_s)
     for child in children:
-        await child.drain(_LOG_TIMEOUT_S)
+        await child.drain(timeout_s)
         if child.errors:
-            files.errors_of(child.name).write_text(child.errors, encoding="utf-8")
+            Output("--out", files.errors_of(child.name), force=True).write(child.errors)
 
 
 def _facts(child: Child) -> dict[str, Any]:
-    return {"pid": child.pid, "exit_code": child.exit_code, **child.result}
+    held = {"held": child.witness.held} if child.witness.held else {}
+    return {"pid": child.pid, "exit_code": child.exit_code, **child.result, **held}

@@ -1,27 +1,69 @@
-"""The closed loop without wire, processes and log: plant step and controller step in turn.
+"""The closed loop in one thread: over a link in memory, or without wire, processes and log.
 
-The same step functions as in the processes, so the same strokes to the resolution of the wire;
-what tuning and comparisons run thousands of times.
+Without them the step functions of plant and controller run in turn, the same as in the processes,
+so the same strokes to the resolution of the wire: what tuning and comparisons run by the thousand.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, final
+
+from mypy_extensions import i64
 
 import controller.build
 import controller.step
 import plant.build
 from controller.actuator import MAX_PULSES
+from controller.loop import ControllerLoop
 from controller.state import Inputs, Output
+from drivers.memory_link import MemoryLink
 from hil.config.resolved import Resolved
+from hil.ports import Link
+from hil.rounding import nearest
+from hil.values import NEVER
+from hil.wire.commands import OperatorCommand
 from hil.wire.messages import PistonSample
 from hil.wire.pulses import PulseOrder, wrap_us
 from plant.engines.machine import MachineOrder
+from plant.loop import PlantLoop
 from plant.rig.events import Event
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
 from plant.sensors import sample, sensed
+
+
+@final
+class Answerer:
+    """Gives the controller its turn when a sample has been sent."""
+
+    def __init__(self, loop: ControllerLoop, link: Link) -> None:
+        self._loop = loop
+        self._link = link
+
+    def turn(self) -> None:
+        """Take what was sent, and answer it."""
+        self._loop.turn(self._link.receive())
+
+
+def join(
+    plant_end: Link, controller_end: Link, controller: ControllerLoop
+) -> tuple[MemoryLink, MemoryLink]:
+    """Let the controller answer inside the plant's send; returns both ends, known as what they are.
+
+    Raises: TypeError when they are not two ends in memory
+    """
+    if not (isinstance(plant_end, MemoryLink) and isinstance(controller_end, MemoryLink)):
+        raise TypeError("only ends in memory can be joined")
+    plant_end.on_send = Answerer(controller, controller_end).turn
+    return plant_end, controller_end
+
+
+def run_ticks(loop: PlantLoop, tick: i64, end: i64) -> int:
+    """Run the plant from one tick up to another; return that tick."""
+    while tick < end:
+        tick = loop.turn(tick)
+    return tick
 
 
 class Course(NamedTuple):
@@ -32,6 +74,21 @@ class Course(NamedTuple):
     mode: str
 
 
+class _Schedule:
+    """The operator's commands, and the tick of the next one."""
+
+    def __init__(self, by_tick: dict[int, OperatorCommand]) -> None:
+        self._by_tick = by_tick
+        self._waiting = sorted(by_tick, reverse=True)
+        self.next_tick: i64 = self._waiting[-1] if by_tick else NEVER
+
+    def take(self) -> OperatorCommand:
+        """Return the next one, and look to the one after it."""
+        command = self._by_tick[self._waiting.pop()]
+        self.next_tick = self._waiting[-1] if self._waiting else NEVER
+        return command
+
+
 def simulate(scenario: Resolved) -> Course:
     """Run a resolved scenario in lockstep."""
     params = plant.build.make_params(scenario)
@@ -40,23 +97,41 @@ def simulate(scenario: Resolved) -> Course:
         scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
     )
     mind = controller.build.initial_state(law)
-    schedule = controller.build.schedule_of(scenario)
+    schedule = _Schedule(controller.build.schedule_of(scenario))
     course = Course([], list(events), "")
-    command: Command = Command()
-    for tick in range(scenario.ticks):
-        seen = sample(params, state)
-        power_w = math.nan
-        if not tick & 1:
-            power_w = float(round(sensed(params, state).electric_power_w))
-        before = state.dead_centre.number
+    said: Output | None = None
+    command, ticks = Command(), scenario.ticks
+    tick: i64 = 0
+    for tick in range(ticks):
+        seen, power_w, ordered = sample(params, state), math.nan, None
+        if tick & 1 == 0:
+            power_w = float(nearest(sensed(params, state).electric_power_w))
+        before = state.dead_centre
         state, events = step(params, state, command)
-        course.events.extend(events)
-        if state.dead_centre.number != before:
+        if events:
+            course.events.extend(events)
+        if state.dead_centre is not before and state.dead_centre.number != before.number:
             course.dead_centres.append(state.dead_centre)
-        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), schedule.get(tick), power_w)
+        if tick == schedule.next_tick:
+            ordered = schedule.take()
+        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w)
         mind, output = controller.step.step(law, mind, inputs)
-        command = _command_of(output)
+        if said is None or not _says_the_same(output, said):
+            command = _command_of(output)
+        said = output
     return course._replace(mode=mind.mode.name.lower())
+
+
+def _says_the_same(output: Output, before: Output) -> bool:
+    """Whether an answer orders what the one before it did: most do."""
+    new, old = output.machine, before.machine
+    return (
+        output.pulses is before.pulses
+        and output.mode is before.mode
+        and new.mode == old.mode
+        and new.force_n == old.force_n
+        and new.load_n_s_m == old.load_n_s_m
+    )
 
 
 def _command_of(output: Output) -> Command:

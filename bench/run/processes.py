@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from bench.live.witness import Witness
 from drivers.system import starter
 
 SAFE_GRACE_S = 1.0
@@ -20,6 +21,9 @@ FINISH_GRACE_S = 15.0
 
 END_GRACE_S = 5.0
 """From the request to end until a process is killed."""
+
+INTERRUPT_GRACE_S = 1.5
+"""The same where somebody waits for the end; what a recorder has is written in any case."""
 
 _MAX_STDERR = 1 << 20
 
@@ -33,6 +37,7 @@ class Child:
         self.name = name
         self.pid = process.pid
         self.result: dict[str, Any] = {}
+        self.witness = Witness(process.pid)
         self._process = process
         self._stderr = bytearray()
         self._reading: list[asyncio.Task[None]] = []
@@ -84,14 +89,14 @@ class Child:
         for task in late:
             task.cancel()
 
-    async def end(self) -> None:
+    async def end(self, grace_s: float = END_GRACE_S) -> None:
         """Ask it to end, and kill it when it does not."""
         for number in (signal.SIGTERM, signal.SIGKILL):
             if self.exit_code is not None:
                 return
             with contextlib.suppress(ProcessLookupError):  # it ended in this very moment
                 self._process.send_signal(number)
-            await asyncio.wait([asyncio.create_task(self.wait())], timeout=END_GRACE_S)
+            await asyncio.wait([asyncio.create_task(self.wait())], timeout=grace_s)
 
     async def _read_status(self, on_status: Callable[[Status], None]) -> None:
         assert self._process.stdout is not None
@@ -126,7 +131,8 @@ async def supervise(children: Sequence[Child], interrupt: asyncio.Event) -> End:
         end = await _watch(children, stop)
     finally:
         stop.cancel()
-        await asyncio.gather(*(child.end() for child in children))
+        grace_s = INTERRUPT_GRACE_S if interrupt.is_set() else END_GRACE_S
+        await asyncio.gather(*(child.end(grace_s) for child in children))
     return end
 
 

@@ -11,13 +11,13 @@ import argparse
 import sys
 from pathlib import Path
 
-from bench.run import directory
 from bench.run.resolve import resolve
 from drivers.system.process import guarded
 from drivers.system.service import Service, log_file
 from hil.config.load import read_scenario
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.files import Output
 from hil.wire import commands
 
 
@@ -57,16 +57,15 @@ def read(config: Path) -> Resolved:
 
 def prepare_set_points(config: Path, out: Path) -> int:
     """Check a changed configuration and leave its set points where the controller finds them."""
-    fresh = out.with_suffix(".new")
-    directory.check_file("--out", fresh)
+    file = Output("--out", out, force=True)
+    file.check()
     controller = read(config).controller
     set_points = {
         "tdc_ref_m": controller.tdc_ref_m,
         "target_power_w": controller.supervisory.target_power_w,
     }
     command = commands.read({"kind": "set-point", **set_points}, "reload")
-    fresh.write_bytes(commands.write(command))
-    fresh.replace(out)
+    file.write(commands.write(command))
     return 0
 
 

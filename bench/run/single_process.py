@@ -6,12 +6,13 @@ import argparse
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import controller.build
 import controller.follow
 import plant.build
+from bench.run import offline
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryStatus
 from drivers.links import Connection, open_memory
@@ -21,11 +22,12 @@ from drivers.system.clock import SystemClock
 from drivers.system.process import Stop, brake, guarded, last_words, open_recorder
 from drivers.system.realtime import prepare
 from hil.config.resolved import Resolved, read_resolved
-from hil.ports import Link
 from plant.loop import PlantLoop
 from plant.status import facts, is_safe, raise_if_lost
 
 _TELL_EVERY_S = 0.1
+_LOOK_EVERY = 50
+"""Ticks between two looks whether the run is to end."""
 
 Recorders = tuple[Recorder | NullRecorder, Recorder | NullRecorder]
 
@@ -68,7 +70,7 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
         }
     )
     stop.raise_if_caused()
-    raise_if_lost(plant_loop)
+    _raise_if_failed(plant_loop, recorders)
     return 0
 
 
@@ -85,11 +87,8 @@ def _joined(
     for name, end in (("plant", plant_end), ("controller", controller_end)):
         assert isinstance(end.status, MemoryStatus)
         end.status.on_publish = _tell_of(name)
-    links = plant_end.link, controller_end.link
-    assert isinstance(links[0], MemoryLink)
-    assert isinstance(links[1], MemoryLink)
-    links[0].on_send = turn_of(controller_loop, links[1])
-    return plant_loop, controller_loop, (links[0], links[1])
+    links = offline.join(plant_end.link, controller_end.link, controller_loop)
+    return plant_loop, controller_loop, links
 
 
 def _watch(recorders: Recorders, scenario: Resolved, stop: Stop) -> None:
@@ -101,7 +100,7 @@ def _turn_until(loop: PlantLoop, ticks: int, stop: Stop) -> int:
     """Run for so many ticks, or until it is asked to end; returns the tick reached."""
     tick = 0
     while tick < ticks and not stop.requested:
-        tick = loop.turn(tick)
+        tick = offline.run_ticks(loop, tick, min(tick + _LOOK_EVERY, ticks))
     return tick
 
 
@@ -131,6 +130,12 @@ def _to_safe_state(
     return tick
 
 
+def _raise_if_failed(loop: PlantLoop, recorders: Sequence[Recorder | NullRecorder]) -> None:
+    raise_if_lost(loop)
+    for recorder in recorders:
+        recorder.raise_if_cut()
+
+
 def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:
     """A status sink that prints, but no oftener than anybody looks."""
     next_s = time.monotonic() + _TELL_EVERY_S
@@ -143,15 +148,6 @@ def _tell_of(name: str) -> Callable[[Mapping[str, object]], None]:
             last_words({"process": name, **status})
 
     return tell
-
-
-def turn_of(loop: ControllerLoop, link: Link) -> Callable[[], None]:
-    """The controller's turn, for the memory link to run at the end of the plant's send."""
-
-    def turn() -> None:
-        loop.turn(link.receive())
-
-    return turn
 
 
 def main() -> int:

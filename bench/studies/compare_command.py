@@ -14,8 +14,9 @@ from hil.config.load import parse_assignment
 
 
 def run(
-    name: str, controllers: str | None, model: str | None, out: Path | None, assignments: list[str]
-) -> int:
+    name: str, controllers: str | None, model: str | None, out: Path | None,
+    assignments: list[str], *, force: bool = False,
+) -> int:  # fmt: skip
     """Compare, print the table, write it with the pictures; returns the exit code.
 
     Raises: ConfigError
@@ -25,12 +26,12 @@ def run(
         changes.append(("plant.model", model))
     laws = laws_of(controllers)
     directory = out or Path("runs") / f"compare-{scenarios.read(name, changes).name}"
-    outdir.make_directory("--out", directory)
+    page, listed = outdir.claim("--out", directory, ("compare.html", "table.md"), force=force)
     found = compare(name, laws, changes)
     text = table(found)
-    (directory / "table.md").write_text(text, encoding="utf-8")
+    listed.write(text)
     console = Console(highlight=False)
     console.print(text, markup=False, soft_wrap=True)
-    write_page(found, directory / "compare.html")
-    console.print(f"{directory / 'compare.html'}", markup=False)
+    write_page(found, page)
+    console.print(f"{page.path}", markup=False)
     return 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.judge.response import BAND_MM, Response
@@ -12,6 +11,7 @@ from bench.report.page import STYLE
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison
 from controller.motion.laws import LAWS
 from hil.errors import MissingExtraError
+from hil.files import Output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def _ms(value: float) -> str:
     return "never" if math.isinf(value) else f"{value:.0f}"
 
 
-def write_page(found: Comparison, file: Path) -> None:
+def write_page(found: Comparison, file: Output) -> None:
     """Write the page with its pictures.
 
     Raises: MissingExtraError when matplotlib is not installed
@@ -73,11 +73,10 @@ def write_page(found: Comparison, file: Path) -> None:
         raise MissingExtraError("matplotlib", "desk", "the pictures of a comparison") from None
     figures = "".join(f'<div class="row"><figure>{p}</figure></div>' for p in pictures)
     title = html.escape(f"Comparison: {found.scenario.name}")
-    file.write_text(
+    file.write(
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f"<style>{STYLE}</style></head><body><main><h1>{title}</h1>"
-        f"<pre>{html.escape(table(found))}</pre>{figures}</main></body></html>\n",
-        encoding="utf-8",
+        f"<pre>{html.escape(table(found))}</pre>{figures}</main></body></html>\n"
     )
 
 

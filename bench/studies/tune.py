@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.judge.response import Response
-from bench.run import directory
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
@@ -27,6 +26,7 @@ from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.files import Output
 
 MODELS = ("harmonic", "rectangular")
 LOADS = (0.85, 1.15)
@@ -176,15 +176,19 @@ def table(law: str, gains: Gains) -> str:
     return "\n".join(lines)
 
 
-def run(law: str, *, search: bool, generations: int, start: str | None, out: Path | None) -> int:
+def run(
+    law: str, *, search: bool, generations: int, start: str | None, out: Path | None,
+    force: bool = False,
+) -> int:  # fmt: skip
     """Judge, search where asked, say what it bought, write gains and provenance.
 
     Raises: ConfigError for a law without gains, or gains that cannot be read
     """
     if law not in TUNABLE:
         raise ConfigError(f"tune {law!r}: accepted are {', '.join(TUNABLE)}")
-    if out is not None:
-        directory.check_file("--out", out, ".toml")
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".toml")
     before = gains_in_force(law)
     gains = _read_gains(law, start) if start else before
     if search:
@@ -192,8 +196,8 @@ def run(law: str, *, search: bool, generations: int, start: str | None, out: Pat
     print(table(law, gains))
     costs = tuple(cost(law, [g[key] for key in TUNABLE[law]]) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")
-    if out is not None:
-        _write(law, gains, costs, out, generations if search else 0)
+    if file is not None:
+        _write(law, gains, costs, file, generations if search else 0)
         print(f"{out}: hil run {out}")
     return 0
 
@@ -210,7 +214,9 @@ def _read_gains(law: str, text: str) -> Gains:
     return dict(zip(keys, values, strict=True))
 
 
-def _write(law: str, gains: Gains, costs: tuple[float, ...], out: Path, generations: int) -> None:
+def _write(
+    law: str, gains: Gains, costs: tuple[float, ...], file: Output, generations: int
+) -> None:
     """Write a scenario that runs with the gains, and says where they are from."""
     from bench.studies.campaign.table import to_toml
 
@@ -226,8 +232,8 @@ def _write(law: str, gains: Gains, costs: tuple[float, ...], out: Path, generati
         if generations else "judged only",
         "cost": costs[1], "cost_before": costs[0],
     })  # fmt: skip
-    build(tree, str(out))
-    out.write_text(to_toml(tree), encoding="utf-8")
+    build(tree, str(file.path))
+    file.write(to_toml(tree))
 
 
 def main() -> None:

@@ -1,1 +1,1 @@
-"""What the pair makes of losses, stalls and faults: both loops in memory, time by the tick."""
+"""`hil check trust`: what the bench promises, attacked; one row an attack (`page.ALL`)."""

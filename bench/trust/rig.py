@@ -20,7 +20,8 @@ from drivers.links import Connection
 from hil.config.resolved import Resolved
 from hil.log import topics
 from hil.log.records import PAYLOAD_OFFSET
-from hil.pacing import Slot
+from hil.pacing import Pacer, Slot
+from hil.ports import Link, Recorder
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.messages import Message
 
@@ -33,12 +34,11 @@ Tamper = Callable[[int, Sequence[Message]], Sequence[Message]]
 """What becomes of the messages of a tick on their way."""
 
 
-class RigPacer:
+class RigPacer(Pacer):
     """A slot a tick by the rig's clock; the plant skips the slots that have passed."""
 
     def __init__(self, period_ns: int, patience_ns: int = 0) -> None:
-        self.period_ns = period_ns
-        self.patience_ns = patience_ns
+        super().__init__(period_ns, patience_ns)
         self.t_ns = 0
 
     def start(self, tick: int = 0) -> None:
@@ -54,7 +54,7 @@ class RigPacer:
         return self.t_ns
 
 
-class RigLink:
+class RigLink(Link):
     """One end: what it sends the other receives, unless it is silenced or tampered with."""
 
     def __init__(self, sender: str) -> None:
@@ -111,7 +111,7 @@ class Told(NamedTuple):
     text: str
 
 
-class EventTally:
+class EventTally(Recorder):
     """A recorder that keeps the events alone."""
 
     def __init__(self, side: str) -> None:

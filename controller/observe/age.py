@@ -6,29 +6,34 @@ one a sample is; the earliest is forgotten slowly, since two clocks drift.
 
 from __future__ import annotations
 
+from typing import Final, final
+
+from mypy_extensions import i64
+
 from hil.values import NEVER
 
-_DRIFT: int = 10_000
+_DRIFT: Final = 10_000
 """One part in so many, 100 ppm, by which the plant's clock may go more slowly than ours."""
 
-_ANEW_NS: int = 100_000_000
+_ANEW_NS: Final = 100_000_000
 """When all that comes has been too old for so long, it is the way that has become longer."""
 
 
+@final
 class SampleAge:
     """Tells the age of samples.
 
     most_ns: what is borne; NEVER where time does not pass by itself
     """
 
-    def __init__(self, period_ns: int, most_ns: int) -> None:
-        self.offset_ns = NEVER
+    def __init__(self, period_ns: i64, most_ns: i64) -> None:
+        self.offset_ns: i64 = NEVER
         self._period_ns = period_ns
-        self._drift_ns = max(period_ns // _DRIFT, 1)
+        self._drift_ns: i64 = max(period_ns // _DRIFT, 1)
         self._most_ns = most_ns
-        self._old_since_ns = -1
+        self._old_since_ns: i64 = -1
 
-    def is_too_old(self, tick: int, now_ns: int) -> bool:
+    def is_too_old(self, tick: i64, now_ns: i64) -> bool:
         """Take note of a sample that is taken now, on our clock [ns]."""
         if self._most_ns >= NEVER:
             return False
@@ -44,7 +49,7 @@ class SampleAge:
         self.offset_ns, self._old_since_ns = offset_ns, -1
         return False
 
-    def age_ns(self, tick: int, now_ns: int) -> int:
+    def age_ns(self, tick: i64, now_ns: i64) -> i64:
         """Age of a sample beyond that of the youngest [ns]."""
         return now_ns - tick * self._period_ns - self.offset_ns
 

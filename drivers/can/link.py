@@ -14,6 +14,7 @@ from typing import Final, NamedTuple, Protocol
 from drivers.blocking import Blocking
 from drivers.can.assembly import HEADS, Assembler, head_place
 from drivers.can.frames import FramePort, Notice, Received, Wanted, ZenohFrames
+from drivers.can.meeting import PATIENCE_NS, Meeting
 from drivers.can.socket import SocketFrames, open_socket
 from drivers.can.virtual.records import REMOTE
 from drivers.can.virtual.transmitter import Medium
@@ -21,8 +22,10 @@ from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.config import Role
 from drivers.zenoh.node import PEER
 from hil.config.process import LinkConfig
-from hil.errors import LinkError
+from hil.errors import ConfigError, LinkError
+from hil.ports import Link
 from hil.wire.fields import LAYOUTS, layout_of
+from hil.wire.terms import CAN_IDS, Terms
 
 _LOCKSTEP_QUIET_NS: Final = 20_000_000
 _LOCKSTEP_PATIENCE_US: Final = 100_000
@@ -31,13 +34,15 @@ _SEND_PERIODS: Final = 2  # a full queue is tried for half a period
 _SILENCE_NS: Final = 1_000_000_000
 _ASK_NS: Final = 20_000_000
 _PEER_POLL_S: Final = 2e-3
+_LINGER_S: Final = 0.1
 
 
 def wanted_by(side: Role) -> Wanted:
-    """Return which frames a side takes from the bus."""
+    """Return which frames a side takes from the bus: the peer's, and its own from somebody else."""
     peer = PEER[side]
     data = tuple(x.can_id for x in LAYOUTS.values() if x.sender == peer)
-    return Wanted(data, layout_of(HEADS[side]).can_id)
+    own = layout_of(HEADS[side]).can_id
+    return Wanted((*data, *CAN_IDS.values(), own), own)
 
 
 def open_port(side: Role, config: LinkConfig, *, lockstep: bool) -> FramePort:
@@ -68,6 +73,15 @@ class Presence(Protocol):
     def alive(self) -> set[str]:
         """Return the roles of the processes that take part by now."""
 
+    def is_met(self) -> bool:
+        """Whether the peer takes part, fits, and has no other partner."""
+
+    def note(self, code: str, text: str) -> None:
+        """Let the log of this process have an event."""
+
+    def notices(self) -> list[Notice]:
+        """Return (code, text) of what happened around the session since the last time."""
+
 
 class Times(NamedTuple):
     """The clocks of the link: for its own deadlines, and the one of the bus's time stamps [ns]."""
@@ -79,15 +93,17 @@ class Times(NamedTuple):
 _SYSTEM: Final = Times()
 
 
-class CanLink:
+class CanLink(Link):
     """One end of the link.
 
-    Parameters: presence : the session on which the processes of a bench know each other
+    Parameters: presence : the session on which the processes of a bench know each other; terms :
+        what this side holds to
     """
 
     def __init__(
-        self, port: FramePort, presence: Presence, period_ns: int, times: Times = _SYSTEM
-    ) -> None:
+        self, port: FramePort, presence: Presence, period_ns: int, times: Times = _SYSTEM,
+        terms: Terms | None = None,
+    ) -> None:  # fmt: skip
         self._now_ns, self._wall_ns = times
         self._port = port
         self._presence = presence
@@ -98,12 +114,14 @@ class CanLink:
         lockstep = presence.lockstep
         quiet_ns = _LOCKSTEP_QUIET_NS if lockstep else period_ns // _QUIET_PERIODS
         self._assembler = Assembler(self._peer, quiet_ns)
+        self._meeting = Meeting(self._side, port.name, terms)
         self._patience_ns = _LOCKSTEP_QUIET_NS if lockstep else period_ns // _SEND_PERIODS
         in_lockstep = LockstepPolling(self.receive) if lockstep else None
         self._polling = in_lockstep or self._in_real_time(period_ns, quiet_ns)
         self._wakes = isinstance(self._polling, Blocking)
         self._sent = self._received = self._frames = 0
-        self._heard_ns = 0
+        self._heard_ns = self._first_heard_ns = 0
+        self._second_ns = -_SILENCE_NS
         self._met = self._closed = False
         self.arrived_ns = 0
         """When the newest frame came, by the bus's own clock [ns]."""
@@ -126,8 +144,7 @@ class CanLink:
         """Return the oldest batch that is complete or lacks frames that will not come any more."""
         if self._closed:
             return None
-        now_ns = self._now_ns()
-        frames = self._drain(now_ns)
+        frames = self._drain(now_ns := self._now_ns())
         batch = self._assembler.whole(frames, now_ns) if frames else None
         if batch is None:
             self._push(frames, now_ns)
@@ -140,9 +157,20 @@ class CanLink:
         """Return what has come from the bus."""
         frames = self._port.receive()
         if frames:
+            frames = self._meeting.sifted(frames)
+            if self._meeting.is_asked:
+                self._tell_terms(now_ns)
+        if frames:
             self._frames += len(frames)
             self._heard_ns, self.arrived_ns = now_ns, frames[-1][2]
         return frames
+
+    def _tell_terms(self, now_ns: int) -> None:
+        """Tell this side's terms, if it has any."""
+        self._meeting.is_asked = False
+        own = self._meeting.own
+        if own:
+            self._port.send(own, now_ns + self._patience_ns)
 
     def _push(self, frames: list[Received], now_ns: int) -> None:
         """Let the assembler sort what has come."""
@@ -192,20 +220,23 @@ class CanLink:
         return present
 
     def wait_for_peer(self, timeout_s: float) -> None:
-        """Return when the peer takes part.
+        """Return when the peer takes part and fits.
 
-        Raises: LinkError when it does not within the time
+        Raises: LinkError when it does not within the time, or this side is there already;
+            ConfigError naming what does not fit
         """
         begin_ns = self._now_ns()
         end_ns, ask_ns = begin_ns + round(timeout_s * 1e9), begin_ns
-        while not self._is_present():
+        while not (self._is_present() and self._presence.is_met()):
             now_ns = self._now_ns()
             self._push(self._drain(now_ns), now_ns)
-            if self._heard_ns >= begin_ns and not self._met:
+            self._meeting.refuse_second()
+            if self._heard_ns >= begin_ns and not self._met and self._is_known(now_ns):
                 break
             if now_ns > end_ns:
                 raise LinkError(f"no {self._peer} on {self._port.name} after {timeout_s:g} s")
             if self._side == "plant" and now_ns >= ask_ns:
+                self._tell_terms(now_ns)
                 self._port.ask(self._peer_head)
                 ask_ns = now_ns + _ASK_NS
             time.sleep(_PEER_POLL_S)
@@ -213,9 +244,44 @@ class CanLink:
             self._assembler.forget()  # the answer to the question is none to a sample
         self._port.settle()
 
+    def _is_known(self, now_ns: int) -> bool:
+        """Whether a peer that is heard fits, or has had its time to tell its terms.
+
+        Raises: ConfigError naming what does not fit
+        """
+        try:
+            if self._meeting.fits():
+                return True
+        except ConfigError:
+            self._tell_terms(now_ns)
+            time.sleep(_LINGER_S)  # for the frames to leave
+            raise
+        self._first_heard_ns = self._first_heard_ns or now_ns
+        if now_ns - self._first_heard_ns < PATIENCE_NS:
+            return False
+        text = f"the {self._peer} on {self._port.name} tells no terms: nothing says that it fits"
+        self._presence.note("peer-without-terms", text)
+        return True
+
+    def reports(self) -> bool:
+        """Whether its bus reports errors of its own: it does."""
+        return True
+
     def notices(self) -> list[Notice]:
-        """Return (code, text) of what the bus reported since the last time."""
-        return self._port.notices()
+        """Return (code, text) of what the bus and the session reported since the last time."""
+        if self._meeting.has_second:
+            self._meeting.has_second = False
+            self._tell_of_second()
+        found, more = self._port.notices(), self._presence.notices()
+        return [*found, *more] if more else found
+
+    def _tell_of_second(self) -> None:
+        """Tell as an event that somebody else sends what only this side sends; now and then."""
+        now_ns = self._now_ns()
+        if now_ns - self._second_ns > _SILENCE_NS:
+            self._second_ns = now_ns
+            what = f"a second {self._side}"
+            self._presence.note(f"second-{self._side}", f"{what} sends on {self._port.name}")
 
     def counters(self) -> Mapping[str, int]:
         """Return batches sent and received, frames, and what the bus and the assembly counted."""

@@ -72,7 +72,7 @@ class OutputProcess:
             self._process.communicate()
 
 
-class OutputLink:
+class OutputLink(Link):
     """A link of the controller that shows its frames to the process of the lines."""
 
     def __init__(self, link: Link, outputs: OutputProcess) -> None:
@@ -119,6 +119,14 @@ class OutputLink:
         Raises: LinkError when it does not within the time
         """
         self._link.wait_for_peer(timeout_s)
+
+    def reports(self) -> bool:
+        """Whether the link's bus reports errors."""
+        return self._link.reports()
+
+    def notices(self) -> list[tuple[str, str]]:
+        """Return what the link's bus reported."""
+        return self._link.notices()
 
     def counters(self) -> Mapping[str, int]:
         """Return what the link counted."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import fcntl
 import json
-import os
 import select
 import socket
 import subprocess
@@ -16,15 +14,19 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from drivers.recorder import ring, succession
+from drivers.recorder.account import NOTHING_LOST, Account
+from drivers.recorder.output import open_output
 from drivers.recorder.start import describe, joined
-from hil.errors import ConfigError, RunError
+from hil import ports
+from hil.errors import RunError
 from hil.log.records import Topic
-from hil.log.segments import segments_before
 from hil.log.topics import ALL
 
 RING_BYTES = 8 << 20  # ten seconds of a 1 kHz loop, a tenth of a second of a lockstep run
+_DRAIN_BYTES_A_S = 10e6  # what a recorder takes at least, even on a busy machine
 CHUNK_BYTES = 256 << 10
 _POLL_MS = 1
+_LOG_TIME = slice(15, 23)  # of the first record of a put
 
 Attachment = tuple[str, str, bytes]  # name, media type, content
 OnEnd = Callable[[str, str], None]  # with the code of an event and its text
@@ -45,7 +47,7 @@ class LogResult(NamedTuple):
     dropped: int
 
 
-class NullRecorder:
+class NullRecorder(ports.Recorder):
     """A recorder for runs without a log."""
 
     pid: int | None = None
@@ -60,8 +62,11 @@ class NullRecorder:
         """Return the counts of a log without messages."""
         return LogResult(0, 0)
 
+    def raise_if_cut(self) -> None:
+        """Do nothing: what is not written cannot be cut."""
 
-class Recorder:
+
+class Recorder(ports.Recorder):
     """Hands packed records to a recorder process; `put` does no I/O.
 
     A full ring makes a blocking recorder wait and another one drop the put, which it counts.
@@ -87,6 +92,7 @@ class Recorder:
         self._blocking = blocking
         self._gone = self._closing = False
         self._result: LogResult | RunError | None = None
+        self._account = Account(0, None, 0, NOTHING_LOST, 0, 0, 0)
         self._poll = select.poll()
         self._poll.register(control, select.POLLIN | select.POLLHUP)
 
@@ -101,20 +107,24 @@ class Recorder:
         topics: Sequence[Topic] = ALL,
         ring_bytes: int = RING_BYTES,
         rotation: Rotation | None = None,
+        deferred: bool = False,
     ) -> Recorder:
         """Start the recorder process for a new log; an existing one is overwritten.
+
+        Parameters: deferred : nothing is written before the end, or before the ring fills up
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
         config = {
             "ring_bytes": ring_bytes,
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
+            "deferred": deferred,
             **describe(topics),
             "rotation": None if rotation is None else _rotation(path, rotation),
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
-        return cls(path, *joined(_open_output(path), config), blocking=blocking, config=config)
+        return cls(path, *joined(open_output(path), config), blocking=blocking, config=config)
 
     def put(self, data: bytes, /) -> None:
         """Take the packed records of one tick as a whole."""
@@ -126,7 +136,8 @@ class Recorder:
         while waits and not self._is_gone(_POLL_MS):
             if self._put(data):
                 return
-        self._producer.count_dropped()
+        t_ns = int.from_bytes(data[_LOG_TIME], "little")
+        self._producer.count_dropped(len(data), t_ns)
 
     def _is_gone(self, wait_ms: int = 0) -> bool:
         """Whether the recorder process has ended; it writes to the socket as its last act."""
@@ -143,6 +154,11 @@ class Recorder:
     def dropped(self) -> int:
         """Puts that found no room."""
         return self._producer.dropped
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that the recorder process has not taken yet."""
+        return self._producer.waiting
 
     def watch(self, policy: str, on_end: OnEnd) -> None:
         """Have the loss of the recorder process noticed when it happens, by a signal.
@@ -172,7 +188,7 @@ class Recorder:
     def _begin_again(self) -> None:
         """Have another recorder go on with the log, whose file so far becomes a segment."""
         number = succession.set_aside(self._path)
-        out = _open_output(self._path, forget=False)
+        out = open_output(self._path, forget=False)
         control = self._control
         self._producer, self._control, self._process = joined(out, self._config, number + 1)
         control.close()
@@ -190,30 +206,41 @@ class Recorder:
 
         self._put = put_both
 
-    def close(self, timeout_s: float = 10.0) -> LogResult:
+    def close(self, timeout_s: float | None = None) -> LogResult:
         """Wait until the log is finished; a second call ends as the first did.
+
+        Parameters: timeout_s : if None, as long as what is in the ring may take
 
         Raises: RunError when it was not finished in time, or not all of it could be written
         """
         self._closing = True
         if self._result is None:
             self._producer.close()
+            patience_s = 10.0 + self.waiting / _DRAIN_BYTES_A_S
             try:
-                self._result = self._finish(timeout_s)
+                self._result = self._finish(patience_s if timeout_s is None else timeout_s)
             except RunError as error:
                 self._result = error
         if isinstance(self._result, RunError):
             raise self._result
         return self._result
 
-    def _finish(self, timeout_s: float) -> LogResult:
-        result = self._wait_for_result(timeout_s)
-        if result["error"]:
-            lost = f"{result['lost_bytes']} bytes of records are lost"
-            raise RunError(f"log {self._path} ends early: {result['error']}; {lost}")
-        return LogResult(result["messages"], result["dropped"])
+    def raise_if_cut(self) -> None:
+        """Tell of records that found no room and are later than the last one of the closed log.
 
-    def _wait_for_result(self, timeout_s: float) -> dict[str, Any]:
+        Raises: RunError
+        """
+        if self._account.is_cut:
+            raise RunError(f"log {self._path} ends early: {self._account.text}")
+
+    def _finish(self, timeout_s: float) -> LogResult:
+        messages, error, lost_bytes, loss, *rest = self._wait_for_result(timeout_s)
+        self._account = account = Account(messages, error, lost_bytes, ring.Loss(*loss), *rest)
+        if account.error is not None:
+            self.raise_if_cut()
+        return LogResult(account.messages, account.loss.puts)
+
+    def _wait_for_result(self, timeout_s: float) -> list[Any]:
         deadline_s = time.monotonic() + timeout_s
         with self._control as control:
             control.shutdown(socket.SHUT_WR)
@@ -230,7 +257,7 @@ class Recorder:
         if not answer:
             code = "no message" if self._process is None else self._process.wait()
             raise RunError(f"log {self._path}: its recorder ended with {code}, repair the file")
-        result: dict[str, Any] = json.loads(answer)
+        result: list[Any] = json.loads(answer)
         return result
 
 
@@ -241,51 +268,3 @@ def _rotation(path: Path, rotation: Rotation) -> dict[str, Any]:
         "ns": rotation.segment_ns,
         "retain_bytes": rotation.retain_bytes,
     }
-
-
-def wait_finished(path: Path, timeout_s: float) -> None:
-    """Wait until no recorder writes the log any more, such as that of a killed process.
-
-    Raises: RunError when the file is missing or still being written after the time
-    """
-    deadline_s = time.monotonic() + timeout_s
-    while not _is_finished(path):
-        if time.monotonic() > deadline_s:
-            raise RunError(f"log {path} is still being written after {timeout_s:g} s")
-        time.sleep(0.005)
-
-
-def _is_finished(path: Path) -> bool:
-    """Whether nobody holds the lock of the file that has the log's name, now and afterwards."""
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError as error:
-        raise RunError(f"log {path}: {error.strerror}") from None
-    try:
-        # A file that has lost its name meanwhile is an earlier segment of a log that goes on.
-        return _try_lock(fd, fcntl.LOCK_SH) and os.fstat(fd).st_ino == path.stat().st_ino
-    finally:
-        os.close(fd)
-
-
-def _try_lock(fd: int, kind: int) -> bool:
-    """Lock the open file, if no other holds it; the lock lives as long as any copy of `fd`."""
-    try:
-        fcntl.flock(fd, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _open_output(path: Path, *, forget: bool = True) -> int:
-    try:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise ConfigError(f"log {path} cannot be written: {error.strerror}") from None
-    if not _try_lock(fd, fcntl.LOCK_EX):
-        os.close(fd)
-        raise ConfigError(f"log {path} is being written by another recorder")
-    os.ftruncate(fd, 0)
-    for segment in segments_before(path) if forget else ():  # of the log that is overwritten
-        segment.unlink(missing_ok=True)
-    return fd

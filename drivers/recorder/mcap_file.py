@@ -31,8 +31,9 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from drivers.recorder.index import MessageIndex
 from drivers.recorder.reserve import reserve as keep_free
-from hil.log.records import FORMAT, LIBRARY, MAGIC, MESSAGE, MESSAGE_HEAD
+from hil.log.records import FORMAT, LIBRARY, MAGIC
 
 _INDEX_HEAD = struct.Struct("<BQHI")
 _SPAN = struct.Struct("<9xQQQ")  # of a ChunkIndex record
@@ -46,15 +47,6 @@ _ENDING_BYTES_A_CHUNK = 512
 
 class _Writable(Protocol):
     def write(self, stream: RecordBuilder) -> None: ...
-
-
-class MessageIndex(NamedTuple):
-    """What a run of Message records holds: (log time, offset) pairs by channel, flat."""
-
-    entries: dict[int, list[int]]
-    size: int  # bytes of whole records
-    last_tick: int
-    last_t_ns: int
 
 
 class _WrittenChunk(NamedTuple):
@@ -74,29 +66,6 @@ class _WrittenChunk(NamedTuple):
         return dict(_COUNT.iter_unpack(self.tally))
 
 
-def index_messages(data: bytes | bytearray) -> MessageIndex:
-    """Index the whole Message records at the beginning of `data`; a cut last one is left out.
-
-    Raises: ValueError when there is another record
-    """
-    entries: dict[int, list[int]] = {}
-    head_at, head_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
-    size, offset, tick, t_ns = len(data), 0, 0, 0
-    while offset + head_size <= size:
-        opcode, length, channel, sequence, log_time, _ = head_at(data, offset)
-        if opcode != MESSAGE:
-            raise ValueError(f"no Message record at byte {offset}: opcode {opcode}")
-        end = offset + 9 + length
-        if end > size:
-            break
-        if channel in entries:
-            entries[channel] += (log_time, offset)
-        else:
-            entries[channel] = [log_time, offset]
-        offset, tick, t_ns = end, sequence, log_time
-    return MessageIndex(entries, offset, tick, t_ns)
-
-
 def _bytes_of(*records: _Writable) -> bytes:
     builder = RecordBuilder()
     for record in records:
@@ -112,7 +81,13 @@ class McapFile:
     before the call, and `finish` still makes it whole.
     """
 
-    def __init__(self, fd: int, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+    def __init__(
+        self,
+        fd: int,
+        schemas: Sequence[Schema],
+        channels: Sequence[Channel],
+        header: Header | None = None,
+    ) -> None:
         self._fd = fd
         self._size = 0
         self._crc = 0
@@ -122,7 +97,8 @@ class McapFile:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
-        self._emit(MAGIC + _bytes_of(Header("ros2", f"{LIBRARY}{FORMAT}"), *schemas, *channels))
+        header = header or Header("ros2", f"{LIBRARY}{FORMAT}")
+        self._emit(MAGIC + _bytes_of(header, *schemas, *channels))
 
     @property
     def size(self) -> int:
@@ -170,18 +146,18 @@ class McapFile:
 
         Room for what ends the file is kept free behind it; the last chunk may take it (`reserve`).
         """
-        times = [t for flat in index.entries.values() for t in (min(flat[::2]), max(flat[::2]))]
         compressed = self._compressor.compress(data)
-        chunk = Chunk("zstd", compressed, max(times), min(times), zlib.crc32(data), len(data))
+        crc = zlib.crc32(data)
+        chunk = Chunk("zstd", compressed, index.last_ns, index.first_ns, crc, len(data))
         record = _bytes_of(chunk)
         start, crc_before, offsets = self._size, self._crc, {}
         parts = [record]
         offset = start + len(record)
-        for channel, flat in index.entries.items():
+        for channel, found in index.channels.items():
             offsets[channel] = offset
-            body = 8 * len(flat)
+            body = len(found.pairs)
             parts.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + body, channel, body))
-            parts.append(struct.pack(f"<{len(flat)}Q", *flat))
+            parts.append(found.pairs)
             offset += _INDEX_HEAD.size + body
         if reserve:
             ending = _ENDING_BYTES + _ENDING_BYTES_A_CHUNK * (len(self._chunks) + 2)
@@ -198,7 +174,7 @@ class McapFile:
             message_start_time=chunk.message_start_time,
             uncompressed_size=len(data),
         )
-        counts = [_COUNT.pack(channel, len(flat) // 2) for channel, flat in index.entries.items()]
+        counts = [_COUNT.pack(number, found.messages) for number, found in index.channels.items()]
         self._chunks.append(_WrittenChunk(_bytes_of(chunk_index), b"".join(counts), crc_before))
 
     def finish(self) -> None:

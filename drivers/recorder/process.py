@@ -18,97 +18,134 @@ import sys
 import time
 from typing import Any
 
-from drivers.recorder.mcap_file import index_messages
-from drivers.recorder.ring import Consumer
+from drivers.recorder.account import NOTHING_LOST, Account, loss_text
+from drivers.recorder.index import MessageIndex, index_messages
+from drivers.recorder.ring import Consumer, Loss
 from drivers.recorder.segments import Segments
 from drivers.recorder.unit import take_over
 from hil.log.topics import EVENT, FAULT, WARNING
 
 _POLL_MS = 10  # far below what the ring holds, far above what a wake-up costs
-_FLUSH_S = 1.0  # a power cut costs no more than this much of a slow log
+_DEFERRED_FILL = 0.875  # of the ring; from there on a deferred recording goes on at once
+_FLUSH_S = 0.05  # with a poll or two: what a kill of this process, or a power cut, may cost
 
 
 class Sink:
-    """Collects records into chunks of a file; after a failed write it only counts bytes."""
+    """Collects records into chunks of a file; after a failed write it only counts bytes.
+
+    end_ns: log time of the last record written
+    """
 
     def __init__(self, file: Segments, chunk_bytes: int) -> None:
         self.error: str | None = None
         self.lost_bytes = 0
         self._file = file
         self._chunk_bytes = chunk_bytes
-        self._pending = b""
-        self._flushed_s = time.monotonic()
+        self._pending = bytearray()
+        self._since_s = 0.0
         self._last = (0, 0)
-        self._dropped = 0
+        self._noted = NOTHING_LOST
 
-    def add(self, data: bytes, dropped: int) -> None:
-        """Take bytes from the ring, which may end within a record, and the count of lost puts."""
+    @property
+    def end_ns(self) -> int:
+        """Log time of the last record written [ns]."""
+        return self._last[1]
+
+    def add(self, data: bytes) -> None:
+        """Take bytes from the ring, which may end within a record."""
         if self.error is not None:
             self.lost_bytes += len(data)
             return
+        if data and not self._pending:
+            self._since_s = time.monotonic()
         self._pending += data
-        late = time.monotonic() - self._flushed_s > _FLUSH_S
-        if late or len(self._pending) >= self._chunk_bytes:
-            self.flush(dropped)
+        size = len(self._pending)
+        if size >= self._chunk_bytes or (size and time.monotonic() - self._since_s > _FLUSH_S):
+            self.flush()
 
-    def flush(self, dropped: int) -> None:
-        """Write the whole records collected so far as a chunk, with an event about lost puts."""
-        self._flushed_s = time.monotonic()
+    def flush(self) -> None:
+        """Write the whole records collected so far as a chunk."""
         if self.error is not None:
             return
+        data = bytes(self._pending)
         try:
-            self._write(dropped)
-        except (OSError, ValueError) as error:
-            self.error = getattr(error, "strerror", None) or str(error)
-            self.lost_bytes += len(self._pending)
-            self._say_the_end(self.error)
+            index = index_messages(data)
+        except ValueError as error:
+            self._give_up(str(error))
+            return
+        if not index.size:
+            return
+        del self._pending[: index.size]
+        self._since_s = time.monotonic()
+        self._write(data[: index.size], index)
+        if self.error is None:
+            self._last = (index.last_tick, index.last_t_ns)
 
-    def _say_the_end(self, why: str) -> None:
+    def note(self, loss: Loss) -> None:
+        """Write an event about puts that were given up since the last one, if there are any."""
+        if loss.puts == self._noted.puts:
+            return
+        self.flush()
+        if self.error is not None:
+            return
+        data = EVENT.pack(*self._last, WARNING, "log-dropped", loss_text(self._noted, loss))
+        self._noted = loss
+        self._write(data, index_messages(data))
+
+    def _write(self, data: bytes, index: MessageIndex) -> None:
+        try:
+            self._file.add_chunk(data, index)
+        except OSError as error:
+            self.lost_bytes += len(data)
+            self._give_up(error.strerror or str(error))
+
+    def _give_up(self, why: str) -> None:
         """Write an event as the last record, if what was kept free for it is there."""
+        self.error = why
+        self.lost_bytes += len(self._pending)
         text = f"{why}: the log ends here, control goes on"
         with contextlib.suppress(OSError):
             self._file.add_last(EVENT.pack(*self._last, FAULT, "log-ended", text))
 
-    def _write(self, dropped: int) -> None:
-        index = index_messages(self._pending)
-        data, rest = self._pending[: index.size], self._pending[index.size :]
-        last = (index.last_tick, index.last_t_ns) if data else self._last
-        if dropped > self._dropped:
-            text = f"{dropped - self._dropped} ticks are missing here: the recorder was too slow"
-            data += EVENT.pack(*last, WARNING, "log-dropped", text)
-            index = index_messages(data)
-        if data:
-            self._file.add_chunk(data, index)
-        self._pending, self._dropped, self._last = rest, dropped, last
 
-
-def _drain(ring: Consumer, control: socket.socket, sink: Sink, chunk_bytes: int) -> None:
+def _drain(
+    ring: Consumer, control: socket.socket, sink: Sink, chunk_bytes: int, *, deferred: bool
+) -> None:
     """Move bytes from the ring to the sink until the other end of the control socket closes."""
     poll = select.poll()
     poll.register(control, select.POLLIN | select.POLLHUP)
     ended = False
     while True:
-        data = ring.read(chunk_bytes, final=ended)
-        sink.add(data, ring.dropped)
-        if data:
-            continue
+        rests = deferred and not ended and ring.waiting < _DEFERRED_FILL * ring.capacity
+        data = b"" if rests else ring.read(chunk_bytes, final=ended)
+        sink.add(data)
+        if ring.dropped_before:
+            sink.note(ring.loss)
+        if len(data) == chunk_bytes:
+            continue  # there is more: no wait
         if ended:
-            return
+            if not data:
+                return
+            continue
         ended = bool(poll.poll(_POLL_MS)) and not control.recv(64)
 
 
-def _record(file: Segments, ring: Consumer, control: socket.socket, chunk: int) -> dict[str, Any]:
-    """Fill and finish the file; return what the closing side is told."""
-    sink = Sink(file, chunk)
-    _drain(ring, control, sink, chunk)
-    sink.flush(ring.dropped)
-    result = {"error": sink.error, "lost_bytes": sink.lost_bytes, "dropped": ring.dropped}
+def _record(
+    file: Segments, ring: Consumer, control: socket.socket, config: dict[str, Any]
+) -> Account:
+    """Fill and finish the file; return how it went."""
+    sink = Sink(file, config["chunk_bytes"])
+    _drain(ring, control, sink, config["chunk_bytes"], deferred=config.get("deferred", False))
+    sink.flush()
+    sink.note(ring.loss)
+    account = Account(
+        file.messages, sink.error, sink.lost_bytes, ring.loss, sink.end_ns, ring.capacity, ring.most
+    )
     end = "closed" if ring.closed else "writer ended without closing the log"
-    with contextlib.suppress(OSError):  # a full disk has its own line in the result
-        values = {"end": end} | {key: str(value) for key, value in result.items() if value}
-        file.add_metadata("recorder", values)
+    with contextlib.suppress(OSError):  # a full disk has its own line in the account
+        file.add_metadata("recorder", {"end": end} | account.metadata())
     file.finish()
-    return {**result, "messages": file.messages}
+    return account._replace(messages=file.messages)
 
 
 def run(config: dict[str, Any]) -> None:
@@ -117,11 +154,11 @@ def run(config: dict[str, Any]) -> None:
     try:
         ring = Consumer(config["ring"])
         file = Segments(config["out"], config)
-        result = _record(file, ring, control, config["chunk_bytes"])
+        account = _record(file, ring, control, config)
     except OSError as error:
-        result = {"error": error.strerror, "lost_bytes": 0, "dropped": 0, "messages": 0}
+        account = Account(0, error.strerror, 0, NOTHING_LOST, 0, 0, 0)
     with contextlib.suppress(OSError):  # nobody may be there any more
-        control.send(json.dumps(result).encode())
+        control.send(json.dumps(account).encode())
 
 
 def main() -> None:

@@ -13,9 +13,22 @@ from __future__ import annotations
 
 import mmap
 import os
+from typing import NamedTuple
+
+from mypy_extensions import i64
 
 PAGE = 4096
 _TAIL, _HEAD, _DROPPED, _CLOSED = 0, 8, 16, 24  # places of 8 bytes; one cache line each
+_DROPPED_BYTES, _DROPPED_FROM, _DROPPED_TO = 17, 18, 19
+
+
+class Loss(NamedTuple):
+    """Puts that found no room: how many, how many bytes, the first and the last by their time."""
+
+    puts: int
+    size: int
+    first_ns: int
+    last_ns: int
 
 
 def create(capacity: int) -> int:
@@ -44,22 +57,24 @@ class Producer:
 
     def __init__(self, fd: int) -> None:
         self._counters, self._bytes = _map(fd)
-        self._capacity = len(self._bytes)
-        self._mask = self._capacity - 1
-        self._tail = self._counters[_TAIL]
-        self._limit = self._counters[_HEAD] + self._capacity
+        self._capacity: i64 = len(self._bytes)
+        self._mask: i64 = self._capacity - 1
+        self._tail: i64 = self._counters[_TAIL]
+        self._limit: i64 = self._counters[_HEAD] + self._capacity
 
     def put(self, data: bytes) -> bool:
         """Append the bytes as a whole; False when they do not fit."""
         tail = self._tail
-        end = tail + len(data)
+        size: i64 = len(data)
+        end = tail + size
         if end > self._limit:
             # Only a ring that looks full is worth a look at what the other side wrote.
-            self._limit = self._counters[_HEAD] + self._capacity
+            head: i64 = self._counters[_HEAD]
+            self._limit = head + self._capacity
             if end > self._limit:
                 return False
         start = tail & self._mask
-        stop = start + len(data)
+        stop = start + size
         if stop <= self._capacity:
             self._bytes[start:stop] = data
         else:
@@ -79,9 +94,19 @@ class Producer:
         """Puts that were given up, as told by `count_dropped`."""
         return self._counters[_DROPPED]
 
-    def count_dropped(self) -> None:
-        """Tell the other side of one put that was given up."""
-        self._counters[_DROPPED] += 1
+    def count_dropped(self, size: int = 0, t_ns: int = 0) -> None:
+        """Tell the other side of one put that was given up: its bytes and its time [ns]."""
+        counters = self._counters
+        if counters[_DROPPED] == 0:
+            counters[_DROPPED_FROM] = t_ns
+        counters[_DROPPED_TO] = t_ns
+        counters[_DROPPED_BYTES] += size
+        counters[_DROPPED] += 1
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that were put and not yet read."""
+        return self._tail - self._counters[_HEAD]
 
     def close(self) -> None:
         """Tell the other side that nothing more will come, and on purpose."""
@@ -89,13 +114,20 @@ class Producer:
 
 
 class Consumer:
-    """The reading end."""
+    """The reading end.
+
+    dropped_before: puts given up before the bytes that come next; most: bytes that ever waited
+    """
 
     def __init__(self, fd: int) -> None:
         self._counters, self._bytes = _map(fd)
-        self._mask = len(self._bytes) - 1
+        self.capacity = len(self._bytes)
+        self._mask = self.capacity - 1
         self._head = self._counters[_HEAD]
         self._seen = self._head
+        self._seen_dropped = 0
+        self.dropped_before = 0
+        self.most = 0
 
     def read(self, at_most: int, *, final: bool = False) -> bytes:
         """Return and free the bytes that were complete at the call before this one.
@@ -104,12 +136,15 @@ class Consumer:
         before the bytes; a poll later, microseconds at least, they are there. `final` takes
         everything: the producer has ended, and the kernel has ordered its last stores.
         """
-        visible = self._seen
-        self._seen = self._counters[_TAIL]
+        visible, dropped = self._seen, self._seen_dropped
+        self._seen, self._seen_dropped = self._counters[_TAIL], self._counters[_DROPPED]
         if final:
-            visible = self._seen
+            visible, dropped = self._seen, self._seen_dropped
         head = self._head
+        self.most = max(self.most, self._seen - head)
         count = min(visible - head, at_most)
+        if head + count == visible:
+            self.dropped_before = dropped
         if not count:
             return b""
         start = head & self._mask
@@ -128,6 +163,13 @@ class Consumer:
     def dropped(self) -> int:
         """Puts that the producer gave up."""
         return self._counters[_DROPPED]
+
+    @property
+    def loss(self) -> Loss:
+        """Those puts and what was in them."""
+        counters = self._counters
+        return Loss(counters[_DROPPED], counters[_DROPPED_BYTES], counters[_DROPPED_FROM],
+                    counters[_DROPPED_TO])  # fmt: skip
 
     @property
     def closed(self) -> bool:

@@ -15,7 +15,8 @@ from typing import Any
 
 from mcap.records import Channel, Schema
 
-from drivers.recorder.mcap_file import McapFile, MessageIndex, index_messages
+from drivers.recorder.index import MessageIndex, index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil.log.segments import segment_path, segments_before
 
 
@@ -47,7 +48,7 @@ class Segments:
         """Write one chunk, and begin another segment when this one is full."""
         self._file.add_chunk(data, index)
         if self._start_ns is None:
-            self._start_ns = min(min(flat[::2]) for flat in index.entries.values())
+            self._start_ns = index.first_ns
         if self._path is not None and self._is_full(index.last_t_ns):
             self._rotate(self._path)
 

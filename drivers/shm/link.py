@@ -18,6 +18,7 @@ from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.shm import memory
 from drivers.zenoh.node import PEER, ZenohNode
 from hil.errors import LinkError, MissingExtraError
+from hil.ports import Link
 
 try:
     import iceoryx2 as iox
@@ -76,7 +77,7 @@ def _told(what: str) -> Any:  # noqa: ANN401
         raise LinkError(f"shm: {what}: {error or type(error).__name__}") from None
 
 
-class ShmLink:
+class ShmLink(Link):
     """One end of the link: publishes in its own direction, polls the peer's.
 
     Raises: MissingExtraError without iceoryx2, LinkError when shared memory is not to be had
@@ -168,6 +169,10 @@ class ShmLink:
         ends = self._out.dynamic_config.number_of_subscribers
         back = self._in.dynamic_config.number_of_publishers
         return bool(ends and back)
+
+    def reports(self) -> bool:
+        """Whether there is something to notice: who else comes to the session."""
+        return True
 
     def notices(self) -> list[tuple[str, str]]:
         """Return (code, text) of what happened around the session since the last time."""

@@ -7,13 +7,14 @@ import time
 
 from drivers.polling import WakeUp
 from hil.errors import ConfigError
+from hil.ports import Clock
 
 MAX_SPIN_S = 2e-3
 SPIN_SHARE = 0.35
 """Of a period at the most: under SCHED_FIFO a loop that never sleeps starves its own recorder."""
 
 
-class SystemClock:
+class SystemClock(Clock):
     """CLOCK_MONOTONIC [ns].
 
     A sleeping thread wakes 20 to 100 us late, a spinning one within a microsecond; so a sleep ends

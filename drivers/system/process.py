@@ -17,7 +17,8 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any, Final, NamedTuple, TextIO
 
-from drivers.recorder.client import NullRecorder, Recorder, Rotation
+from drivers.recorder.client import RING_BYTES, NullRecorder, Recorder, Rotation
+from drivers.recorder.room import deferred_ring_bytes, ring_bytes
 from drivers.system import starter
 from hil import compiled
 from hil.config.process import LogConfig
@@ -25,7 +26,7 @@ from hil.config.resolved import Resolved, read_resolved
 from hil.errors import HilError, InterruptedRunError, RunError
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD
-from hil.ports import Link, Noticing
+from hil.ports import Link
 from hil.ports import Recorder as PortRecorder
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
@@ -58,7 +59,10 @@ def open_recorder(
     process: str,
     more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> Recorder | NullRecorder:
-    """Open the log of a process, with all that a replay needs in it."""
+    """Open the log of a process, with all that a replay needs in it.
+
+    Raises: ConfigError when it cannot be written, or its ring finds no room in the memory
+    """
     if path is None:
         return NullRecorder()
     metadata = {
@@ -69,6 +73,7 @@ def open_recorder(
             "clock": scenario.loop.clock,
             "link": scenario.link.kind,
             "rate_hz": str(scenario.loop.rate_hz),
+            **({"recording": "deferred to the end"} if scenario.log.defer else {}),
         },
         "versions": versions(),
         **more,
@@ -78,8 +83,17 @@ def open_recorder(
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
     blocking = scenario.loop.clock == "lockstep"
     return Recorder.open(
-        path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log)
-    )
+        path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log),
+        ring_bytes=_ring_bytes(scenario), deferred=scenario.log.defer,
+    )  # fmt: skip
+
+
+def _ring_bytes(scenario: Resolved) -> int:
+    """A lockstep run waits when the ring is full; what runs in real time cannot."""
+    rate_hz, duration_s = scenario.loop.rate_hz, scenario.run.duration_s
+    if scenario.log.defer:
+        return deferred_ring_bytes(rate_hz, duration_s)
+    return RING_BYTES if scenario.loop.clock == "lockstep" else ring_bytes(rate_hz, duration_s)
 
 
 def rotation_of(config: LogConfig) -> Rotation | None:
@@ -99,12 +113,12 @@ def note_granted(
             recorder.put(topics.EVENT.pack(0, 0, topics.INFO, "real-time", f"{name}: {text}"))
 
 
-class NotingRecorder:
+class NotingRecorder(PortRecorder):
     """Adds what the bus reported to the records of the tick in which it was read."""
 
     __slots__ = ("_link", "_put")
 
-    def __init__(self, recorder: PortRecorder, link: Noticing) -> None:
+    def __init__(self, recorder: PortRecorder, link: Link) -> None:
         self._put = recorder.put
         self._link = link
 
@@ -119,7 +133,7 @@ class NotingRecorder:
 
 def noting(recorder: PortRecorder, link: Link) -> PortRecorder:
     """Return a recorder that logs the reports of the link's bus too, if there is one."""
-    return NotingRecorder(recorder, link) if isinstance(link, Noticing) else recorder
+    return NotingRecorder(recorder, link) if link.reports() else recorder
 
 
 def versions() -> dict[str, str]:
@@ -185,7 +199,7 @@ class Stop:
         Raises: RunError
         """
         if self.cause:
-            raise RunError(self.cause)
+            raise RunError(self.cause) from None
 
     def wait_for_peer(self, link: Link, timeout_s: float) -> None:
         """Wait for the peer; a request to end is followed at once.
@@ -195,7 +209,8 @@ class Stop:
         """
         try:
             self._at_once = True
-            self.raise_if_caused()
+            if self.requested:  # before anybody could follow it at once
+                raise KeyboardInterrupt
             link.wait_for_peer(timeout_s)
         except KeyboardInterrupt:
             self.raise_if_caused()

@@ -19,7 +19,7 @@ from drivers.system.keepsake import Keepsake
 from drivers.system.notify import Notifier
 from drivers.system.process import Stop
 from drivers.system.realtime import page_faults
-from hil.errors import ConfigError, LinkError
+from hil.errors import ConfigError, LinkError, RefusedError
 from hil.ports import Link
 from hil.values import NEVER
 
@@ -119,7 +119,7 @@ class Service:
     def wait_for_peer(self, link: Link, peer: str, timeout_s: float, stop: Stop) -> None:
         """Wait for the peer, in slices that a request to end can interrupt.
 
-        Raises: LinkError when it does not come within the time
+        Raises: LinkError when it does not come within the time, RefusedError when it has another
         """
         line = f"waiting for the {peer}, up to {timeout_s:g} s"
         self.say(line)
@@ -129,6 +129,8 @@ class Service:
             left_s -= _SLICE_S
             try:
                 link.wait_for_peer(_SLICE_S)
+            except RefusedError:
+                raise
             except LinkError:
                 if left_s > 0.0:
                     continue

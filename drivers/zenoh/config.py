@@ -10,10 +10,18 @@ import ipaddress
 import re
 from typing import Final, Literal, NamedTuple
 
+from drivers.zenoh.access import access_control
 from hil.config.process import ZenohConfig
 from hil.errors import ConfigError
+from hil.wire import commands, status
 
 Role = Literal["plant", "controller", "bench"]
+
+FRAMES_BYTES: Final = 1024
+"""The longest batch of one tick that is taken in."""
+
+LONGEST_BYTES: Final = 4 * commands.MAX_BYTES
+"""The longest message of any kind; a command beyond its own limit is refused where it is read."""
 
 ACCEPTED: Final = "tcp/HOST:PORT, tls/HOST:PORT or unixsock-stream//PATH"
 _SOCKET: Final = re.compile(r"unixsock-stream/(?P<path>/[A-Za-z0-9._/-]{1,99})", re.ASCII)
@@ -108,11 +116,14 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
             "exit_on_failure": False,
             "retry": {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 1.5},
         },
+        "low_pass_filter": _bounds(config),
+        **access_control(config),
         "transport": {
             "shared_memory": {"enabled": False},
             "unicast": {"lowlatency": lockstep, "qos": {"enabled": not lockstep}},
             "link": {
                 "protocols": sorted({endpoint.protocol for endpoint in endpoints}),
+                "rx": {"max_message_size": LONGEST_BYTES},
                 # A send finds one of 16 buffers free or drops at once: it never waits.
                 "tx": {
                     "queue": {
@@ -124,6 +135,20 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
             },
         },
     }
+
+
+def _bounds(config: ZenohConfig) -> list[dict[str, object]]:
+    """Return how long what comes from outside may be; what is longer never reaches a queue."""
+    longest = {"frames/*": FRAMES_BYTES, "status/*": 2 * status.MAX_BYTES, "**": LONGEST_BYTES}
+    return [
+        {
+            "flows": ["ingress"],
+            "messages": ["put", "delete", "query", "reply"],
+            "key_exprs": [f"hil/{config.engine}/{keys}"],
+            "size_limit": size,
+        }
+        for keys, size in longest.items()
+    ]
 
 
 def _tls(config: ZenohConfig) -> dict[str, object]:

@@ -15,6 +15,7 @@ import zenoh
 from drivers.polling import LockstepPolling, RealTimePolling
 from drivers.zenoh.node import PEER, ZenohNode, give_back
 from hil.errors import LinkError
+from hil.ports import Link
 
 _CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
 _PEER_POLL_S: Final = 2e-3
@@ -27,7 +28,7 @@ def is_heard(publisher: zenoh.Publisher) -> bool:
     return bool(getattr(status, "matching", status))
 
 
-class ZenohLink:
+class ZenohLink(Link):
     """One end of the link: publishes on its own frames key, polls the peer's."""
 
     def __init__(self, node: ZenohNode, period_ns: int) -> None:
@@ -93,6 +94,10 @@ class ZenohLink:
                 absent = f"no {self._peer} at {endpoint} after {timeout_s:g} s"
                 raise LinkError(absent + self._node.absence())
             time.sleep(_PEER_POLL_S)
+
+    def reports(self) -> bool:
+        """Whether there is something to notice: who else comes to the session."""
+        return True
 
     def notices(self) -> list[tuple[str, str]]:
         """Return (code, text) of what happened around the session since the last time."""

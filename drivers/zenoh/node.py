@@ -22,7 +22,7 @@ from drivers.zenoh.config import Role, session_config
 from drivers.zenoh.sockets import guard, placed
 from hil.config.process import ZenohConfig
 from hil.config.terms import known_names
-from hil.errors import ConfigError, LinkError
+from hil.errors import ConfigError, LinkError, RefusedError
 from hil.wire import terms as wire
 from hil.wire.terms import Terms
 
@@ -32,6 +32,9 @@ _NO_TERMS: Final = "-"
 _MOST_KNOWN: Final = 64
 _LINGER_S: Final = 0.3
 """Who refuses stays for so long, so that the other side reads why."""
+
+_PATIENCE_S: Final = 1.0
+"""How long a plant may take to let go of a controller that has ended."""
 
 _UCRED: Final = struct.Struct("3i")
 
@@ -70,6 +73,7 @@ class ZenohNode:
         self._token: zenoh.LivelinessToken | None = None
         self._pair: zenoh.LivelinessToken | None = None
         self._partner = ""
+        self._vain_s = 0.0
 
     def key(self, end: str) -> str:
         """Return a key of this engine."""
@@ -116,7 +120,12 @@ class ZenohNode:
         first = next(other for other in self._there if other[0] == role)
         if first != (role, who) or (role == self.role and who != self._who):
             text = f"a second {role} ({_process(who)}) of engine {self.config.engine!r} is refused"
-            self._notices.append((f"second-{role}", text))
+            self.note(f"second-{role}", text)
+
+    def note(self, code: str, text: str) -> None:
+        """Let the log of this process have an event; of a flood the first."""
+        if len(self._notices) < _MOST_KNOWN:
+            self._notices.append((code, text))
 
     def attend(self) -> None:
         """Look who is there, and say which controller this plant has; a few times a second."""
@@ -133,7 +142,7 @@ class ZenohNode:
     def is_met(self) -> bool:
         """Whether the peer takes part, fits, and has no other partner.
 
-        Raises: ConfigError when the two do not fit; LinkError when the plant has a controller
+        Raises: ConfigError when the two do not fit; RefusedError when the plant has another one
         """
         self.attend()
         peer = PEER[self.role]
@@ -144,12 +153,24 @@ class ZenohNode:
         if self.role == "plant":
             return True
         paired = [who for role, who in self._there if role == _PAIR]
-        if paired and self._who not in paired:
-            raise LinkError(
+        if self._who in paired:
+            return True
+        if paired:
+            self._wait_in_vain(paired[0])
+        return False
+
+    def _wait_in_vain(self, partner: str) -> None:
+        """A plant lets go of a controller that has ended; of one that goes on it does not.
+
+        Raises: RefusedError
+        """
+        now_s = time.monotonic()
+        self._vain_s = self._vain_s or now_s
+        if now_s - self._vain_s > _PATIENCE_S:
+            raise RefusedError(
                 f"the plant of engine {self.config.engine!r} has a controller already:"
-                f" {_process(paired[0])}"
+                f" {_process(partner)}"
             )
-        return bool(paired)
 
     def _agree(self, peer: Role) -> None:
         """Compare the peer's terms with ours.
@@ -204,7 +225,7 @@ def _process(who: str) -> str:
 def _opened(role: Role, config: ZenohConfig, *, lockstep: bool) -> zenoh.Session:
     """Open the session, closed to those who may not enter the directory of its socket.
 
-    Raises: LinkError naming who is there already
+    Raises: RefusedError naming who is there already, LinkError
     """
     tree = session_config(role, config, lockstep=lockstep)
     own = {"plant": config.plant_endpoint, "controller": config.controller_endpoint}.get(role)
@@ -215,7 +236,7 @@ def _opened(role: Role, config: ZenohConfig, *, lockstep: bool) -> zenoh.Session
         if there:
             _tell_of_second(role, config, lockstep=lockstep)
             line = f"a {role} of engine {config.engine!r} is there already: {there} at {own}"
-            raise LinkError(line) from None
+            raise RefusedError(line) from None
         raise LinkError(f"zenoh: {role} cannot open {own or 'a session'}: {error}") from None
     if own is not None:
         guard(own)

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from hil.errors import ConfigError
+from hil.files import read_regular
 from hil.wire.quantities import Number
 
 Tree = dict[str, Any]
@@ -44,13 +45,26 @@ class OneOf:
 
 
 def read_toml(path: Path) -> Tree:
-    """Read a TOML file.
+    """Read a TOML file; a byte order mark in front of it, which some editors write, is none of it.
 
-    Raises: ConfigError when it is missing, unreadable or no TOML
+    Raises: ConfigError when it is missing, no regular file, unreadable or no TOML
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return parse_toml(read_regular(path).decode("utf-8-sig"))
+    except ValueError as error:
         raise ConfigError(f"{path}: not a TOML file: {error}") from None
+
+
+def parse_toml(text: str) -> Tree:
+    """Read TOML.
+
+    Raises: ValueError with what is wrong
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # of `int`
+        raise ValueError("a number of more digits than a program reads") from None
+    except RecursionError:
+        raise ValueError("values nested too deep") from None

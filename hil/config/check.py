@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -21,7 +22,9 @@ def check(section: type[_S], tree: Mapping[str, Any], origin: str) -> _S:
 
     Raises: ConfigError naming origin, key, the value given and what is accepted
     """
-    return _checked(section, origin, lambda: section.model_validate(tree))
+    found = _checked(section, origin, lambda: section.model_validate(tree))
+    _check_types(tree, found, origin)
+    return found
 
 
 def check_json(section: type[_S], data: str | bytes, origin: str) -> _S:
@@ -29,7 +32,31 @@ def check_json(section: type[_S], data: str | bytes, origin: str) -> _S:
 
     Raises: ConfigError likewise
     """
-    return _checked(section, origin, lambda: section.model_validate_json(data))
+    found = _checked(section, origin, lambda: section.model_validate_json(data))
+    _check_types(json.loads(data), found, origin)
+    return found
+
+
+def _check_types(given: Any, found: Any, origin: str, key: str = "") -> None:  # noqa: ANN401
+    """Refuse what was taken for a number or a switch and is written as something else.
+
+    The validation itself takes `true` for 1 and `"1000"` for 1000, but also 1e3 for the whole
+    number and a list for a tuple, as they should be.
+
+    Raises: ConfigError
+    """
+    if isinstance(given, Mapping):
+        for name, value in given.items():
+            below = found.get(name) if isinstance(found, Mapping) else getattr(found, name, None)
+            _check_types(value, below, origin, f"{key}.{name}".lstrip("."))
+    elif isinstance(given, list) and isinstance(found, list | tuple):
+        for number, (value, below) in enumerate(zip(given, found, strict=False)):
+            _check_types(value, below, origin, f"{key}.{number}")
+    elif isinstance(found, bool):
+        if not isinstance(given, bool):
+            raise ConfigError(f"{origin}: {key}: accepted is true or false (given: {shown(given)})")
+    elif isinstance(found, int | float) and isinstance(given, bool | str):
+        raise ConfigError(f"{origin}: {key}: accepted is a number (given: {shown(given)})")
 
 
 def _checked(section: type[_S], origin: str, validated: Callable[[], _S]) -> _S:

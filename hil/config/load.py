@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hil.config.base import Tree, read_toml
+from hil.config.base import Tree, parse_toml, read_toml
 from hil.config.check import check, check_json, shown
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.files import read_regular
 
 _S = TypeVar("_S", bound=Scenario)
 
@@ -25,9 +26,11 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not equals or not key or not all(key.split(".")):
         raise ConfigError(f"--set {text!r}: accepted is key=value, as in run.duration_s=2.5")
     try:
-        return key, tomllib.loads(f"value = {value}")["value"]
+        return key, parse_toml(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key, value.strip()
+    except ValueError as error:
+        raise ConfigError(f"--set {key}={shown(value)}: {error}") from None
 
 
 def with_override(tree: Mapping[str, Any], key: str, value: Any) -> Tree:  # noqa: ANN401
@@ -78,10 +81,7 @@ def read_as(section: type[_S], path: Path) -> _S:
     """Read a file of TOML or JSON as that kind of scenario."""
     if path.suffix != ".json":
         return check(section, read_toml(path), str(path))
-    try:
-        return check_json(section, path.read_bytes(), str(path))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror or error}") from None
+    return check_json(section, read_regular(path), str(path))
 
 
 def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:

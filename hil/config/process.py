@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -56,6 +56,24 @@ class LoopConfig(Section):
         return max(self.rate_hz // SNAPSHOT_HZ, 1)
 
 
+CommonName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._@-]{0,63}$")]
+CommonNames = Annotated[tuple[CommonName, ...], Field(min_length=1, max_length=16)]
+
+
+class RolesConfig(Section):
+    """Whose certificate, by its common name, may be what.
+
+    plant, controller: this process
+    operator: gives commands
+    observer: sees the status
+    """
+
+    plant: CommonNames = ("plant",)
+    controller: CommonNames = ("controller",)
+    operator: CommonNames = ("operator",)
+    observer: CommonNames = ("observer",)
+
+
 class SafetyConfig(Section):
     """What leads out of the safe state besides an operator's start: nothing, unless it is said."""
 
@@ -71,6 +89,7 @@ class TlsConfig(Section):
     root_ca_certificate: Path
     certificate: Path
     private_key: Path
+    roles: RolesConfig = RolesConfig()
 
 
 class ZenohConfig(Section):
@@ -140,6 +159,7 @@ class LogConfig(Section):
     segment_bytes, segment_s: where a log goes on in another file
     retain_bytes: how much of the earlier files is kept
     recorder_lost: what the loss of a recorder does; another one takes down the end in any case
+    defer: nothing is written before the end of the run, which is kept in memory until then
     """
 
     enabled: bool = True
@@ -149,6 +169,7 @@ class LogConfig(Section):
     segment_s: float | None = Field(default=None, gt=0.0, le=1e6)
     retain_bytes: int | None = Field(default=None, ge=1 << 16, le=1 << 60)
     recorder_lost: Literal["end", "restart"] = "end"
+    defer: bool = False
 
     @model_validator(mode="after")
     def _retaining_needs_segments(self) -> LogConfig:

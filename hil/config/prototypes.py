@@ -6,7 +6,9 @@ hil/engines/<name>/engine.toml is the only source of the figures.
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
+from types import TracebackType
 
 from pydantic import Field
 
@@ -32,6 +34,7 @@ from hil.config.ranges import (
     TdcRefM,
     TemperatureK,
 )
+from hil.errors import ConfigError
 
 ENGINES = compiled.root() / "hil" / "engines"
 """A directory an engine: its own figures, and a file for each model of its gas in full."""
@@ -141,9 +144,25 @@ def engine_with(model: str) -> str:
     return having[0] if having and DEFAULT.name not in having else DEFAULT.name
 
 
-PROTOTYPES: dict[str, Prototype] = {
-    path.parent.name: read(path.parent) for path in sorted(ENGINES.glob(f"*/{_FIGURES}"))
-}
+def _told(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Say in one line what is wrong with an engine, since no command has begun that would."""
+    if not isinstance(error, ConfigError):
+        sys.__excepthook__(kind, error, trace)
+        return
+    print(error, file=sys.stderr)
+    raise SystemExit(error.exit_code)
+
+
+def _read_all() -> dict[str, Prototype]:
+    """Read the figures of all engines, which happens while the modules are imported."""
+    try:
+        return {p.parent.name: read(p.parent) for p in sorted(ENGINES.glob(f"*/{_FIGURES}"))}
+    except ConfigError:
+        sys.excepthook = _told
+        raise
+
+
+PROTOTYPES: dict[str, Prototype] = _read_all()
 NU, BIT = PROTOTYPES["nu"], PROTOTYPES["bit"]
 DEFAULT = NU
 """The engine that is meant where none is named."""

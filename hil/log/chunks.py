@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from io import BytesIO
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import zstandard
@@ -13,11 +13,11 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from numpy.typing import NDArray
 
-from hil.log.records import CDR_LE, MESSAGE, PAYLOAD_OFFSET
-from hil.log.summary import ChunkPlace, read_at
+from hil.log.records import MESSAGE, MESSAGE_HEAD
+from hil.log.summary import INDEX_HEAD, ChunkPlace, read_at, records
 
 MAX_CHUNK_BYTES = 1 << 30
-_INDEX_HEAD = 15  # opcode, length, channel, bytes of the entries
+_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 _HEAD = np.dtype(
     [
         ("opcode", "u1"),
@@ -26,10 +26,52 @@ _HEAD = np.dtype(
         ("sequence", "<u4"),
         ("log_time", "<u8"),
         ("publish_time", "<u8"),
-        ("cdr", "<u4"),
     ]
 )
-_CDR = int.from_bytes(CDR_LE, "little")
+
+
+class Contents(NamedTuple):
+    """The messages of a chunk in the order of the file, and what it describes besides.
+
+    Parameters: channels, times, offsets : arrays of one length: number of the channel, log time
+        [ns], place of the record; described : (opcode, body) of schemas and channels
+    """
+
+    channels: NDArray[np.uint16]
+    times: NDArray[np.uint64]
+    offsets: NDArray[np.int64]
+    described: list[tuple[int, bytes]]
+
+    def counts(self) -> dict[int, int]:
+        """Return the messages of each channel."""
+        numbers, counts = np.unique(self.channels, return_counts=True)
+        return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
+
+
+def contents(data: bytes) -> Contents:
+    """Walk through the records of a chunk.
+
+    Raises: ValueError when one is cut off, or a message has no head
+    """
+    channels, times, offsets, described = [], [], [], []
+    offset = 0
+    for opcode, body in records(data):
+        if opcode == MESSAGE:
+            if len(body) < MESSAGE_HEAD.size - 9:
+                raise ValueError("a message that is cut off")
+            _, _, channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(data, offset)
+            channels.append(channel)
+            times.append(log_time)
+            offsets.append(offset)
+        elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+            described.append((opcode, body))
+        offset += 9 + len(body)
+    return Contents(
+        np.array(channels, np.uint16),
+        np.array(times, np.uint64),
+        np.array(offsets, np.int64),
+        described,
+    )
 
 
 def chunk_bytes(file: IO[bytes], place: ChunkPlace) -> bytes:
@@ -37,6 +79,9 @@ def chunk_bytes(file: IO[bytes], place: ChunkPlace) -> bytes:
 
     Raises: ValueError when the chunk is not what its header and index say
     """
+    if place.bare:
+        file.seek(place.offset)
+        return file.read(place.length)
     return unpacked(read_at(file, place.offset, Opcode.CHUNK))
 
 
@@ -81,14 +126,57 @@ def _expand(chunk: Chunk) -> bytes:
     return data
 
 
-def message_offsets(file: IO[bytes], place: ChunkPlace, channel: int) -> NDArray[np.int64]:
-    """Return where the messages of a channel lie in their chunk, in the order of the file."""
+def message_offsets(
+    file: IO[bytes], place: ChunkPlace, channels: tuple[int, ...], data: bytes
+) -> NDArray[np.int64]:
+    """Return where the messages of some channels lie in their chunk, in the order of the file.
+
+    Raises: ValueError when an index does not lead to messages of its channel and time
+    """
+    known = [number for number in channels if number in place.indexes]
+    if any(place.indexes[number] == 0 for number in known):
+        found = contents(data)
+        return found.offsets[np.isin(found.channels, known)]
+    indexes = [_checked(data, number, *message_index(file, place, number)) for number in known]
+    return indexes[0] if len(indexes) == 1 else np.sort(np.concatenate(indexes))
+
+
+def message_index(
+    file: IO[bytes], place: ChunkPlace, channel: int
+) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """Return log times and offsets as the index behind a chunk has them.
+
+    Raises: ValueError when there is no index of that channel
+    """
     file.seek(place.indexes[channel])
-    head = file.read(_INDEX_HEAD)
+    head = file.read(INDEX_HEAD)
+    opcode, number = head[:1], int.from_bytes(head[9:11], "little")
     size = int.from_bytes(head[11:15], "little")
+    if opcode != bytes([Opcode.MESSAGE_INDEX]) or number != channel:
+        raise ValueError(f"no message index of channel {channel}")
     if size > place.index_bytes or size % 16:
         raise ValueError(f"a message index of {size} bytes")
-    return np.frombuffer(file.read(size), dtype="<i8")[1::2]
+    return index_entries(file.read(size))
+
+
+def index_entries(data: bytes) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """Return log times and offsets of the entries of a message index."""
+    entries = np.frombuffer(data, _ENTRY)
+    return entries["log_time"], entries["offset"].astype(np.int64)
+
+
+def _checked(
+    data: bytes, channel: int, times: NDArray[np.uint64], offsets: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the offsets, each leading to another message of the channel and of its time."""
+    if not len(offsets):
+        return offsets
+    found = heads(data, offsets)
+    if (found["channel"] != channel).any() or (found["log_time"] != times).any():
+        raise ValueError("a message index that does not point to its messages")
+    if len(np.unique(offsets)) < len(offsets):
+        raise ValueError("a message index that names a message twice")
+    return offsets
 
 
 def gather(
@@ -102,23 +190,22 @@ def gather(
     places = len(chunk) - skip - dtype.itemsize + 1
     if offsets.min() < 0 or offsets.max() >= places:
         raise ValueError("a message index that points outside its chunk")
+    if not dtype.itemsize:
+        return np.zeros(len(offsets), dtype)
     item = np.dtype((np.void, dtype.itemsize))
     windows = np.ndarray((places,), dtype=item, buffer=chunk, offset=skip, strides=(1,))
     return windows[offsets].view(dtype)
 
 
-def check_heads(chunk: bytes, offsets: NDArray[np.int64], channel: int) -> NDArray[np.int64]:
-    """Return the payload sizes of the messages, without their encapsulation bytes.
+def heads(chunk: bytes, offsets: NDArray[np.int64]) -> NDArray[Any]:
+    """Return the heads of messages: opcode, length, channel, sequence, log_time, publish_time.
 
-    Raises: ValueError when an offset leads to no message of the channel, or to other bytes than
-    little-endian CDR
+    Raises: ValueError when an offset leads to no message
     """
-    heads = gather(chunk, offsets, 0, _HEAD)
-    if (heads["opcode"] != MESSAGE).any() or (heads["channel"] != channel).any():
+    found = gather(chunk, offsets, 0, _HEAD)
+    lengths = found["length"].astype(np.int64)
+    if (found["opcode"] != MESSAGE).any() or lengths.min() < _HEAD.itemsize - 9:
         raise ValueError("a message index that does not point to its messages")
-    if (heads["cdr"] != _CDR).any():
-        raise ValueError("messages that are not little-endian CDR")
-    sizes: NDArray[np.int64] = heads["length"].astype(np.int64) + 9 - PAYLOAD_OFFSET
-    if sizes.min() < 0 or (offsets + PAYLOAD_OFFSET + sizes).max() > len(chunk):
+    if lengths.max() > len(chunk) or (offsets + 9 + lengths).max() > len(chunk):
         raise ValueError("messages that reach beyond their chunk")
-    return sizes
+    return found

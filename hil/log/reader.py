@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import LogError
+from hil.log.coding import UndecodableError
 from hil.log.part import ALWAYS, Attachment, Part, Span, TopicInfo, open_part
 from hil.log.segments import segments_before
 
@@ -37,6 +38,8 @@ class Log:
         filled = [part for part in parts if part.messages]
         self.start_ns = filled[0].start_ns if filled else first.start_ns
         self.end_ns = filled[-1].end_ns if filled else last.end_ns
+        self.format = first.format
+        """Version of the log format; None: another program wrote it."""
         number = first.metadata.get("segment", {}).get("number", "1")
         self.continues = number != "1" or "continues" in first.metadata
         """Whether what came before the first message is not in it."""
@@ -66,7 +69,15 @@ class Log:
 
         Raises: LogError when there is no such topic or its messages vary in size
         """
-        if self._topic(topic).layout.variable:
+        for _, block in self.timed_blocks(topic, span):
+            yield block
+
+    def timed_blocks(
+        self, topic: str, span: Span = ALWAYS
+    ) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
+        """Yield (log times [ns], messages) by chunks, as `blocks`."""
+        self._decodable(topic)
+        if not self.topics[topic].coding.fixed:
             raise self.error(f"{topic} varies in size: read it with records()")
         for part in self.parts:
             if topic in part.topics:
@@ -90,12 +101,29 @@ class Log:
     def records(self, topic: str, span: Span = ALWAYS) -> Iterator[Any]:
         """Yield the messages of any topic as named tuples, in the order of the file.
 
+        A field whose name Python keeps for itself has the name of its place (`_1`).
+
+        Raises: LogError when there is no such topic, UndecodableError when it is not decoded
+        """
+        for _, record in self.timed_records(topic, span):
+            yield record
+
+    def timed_records(self, topic: str, span: Span = ALWAYS) -> Iterator[tuple[int, Any]]:
+        """Yield (log time [ns], message) one by one, as `records`."""
+        self._decodable(topic)
+        for part in self.parts:
+            if topic in part.topics:
+                yield from part.records(topic, span)
+
+    def payloads(self, topic: str, span: Span = ALWAYS) -> Iterator[tuple[int, bytes]]:
+        """Yield (log time [ns], bytes) of the messages of any topic, decodable or not.
+
         Raises: LogError when there is no such topic
         """
         self._topic(topic)
         for part in self.parts:
             if topic in part.topics:
-                yield from part.records(topic, span)
+                yield from part.payloads(topic, span)
 
     def frames(self, direction: str) -> Iterator[tuple[int, int, bytes]]:
         """Yield (tick, t_ns, batch) of the frames that were "sent" or "received".
@@ -147,8 +175,14 @@ class Log:
                 if known is not None and known.fields != info.fields:
                     raise part.error(f"{name} has other fields than in the segment before")
                 count = info.messages + (known.messages if known else 0)
-                topics[name] = info._replace(messages=count)
+                topics[name] = info._replace(messages=count)  # numbers of channels: of the last
         return topics
+
+    def _decodable(self, name: str) -> None:
+        """Refuse a topic whose messages are not decoded, by the reason."""
+        reason = self._topic(name).coding.reason
+        if reason:
+            raise UndecodableError(f"{self.path}: {name}: {reason}")
 
     def _topic(self, name: str) -> TopicInfo:
         if name not in self.topics:

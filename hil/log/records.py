@@ -1,15 +1,15 @@
 """Log records, declared once: byte layout, ROS 2 definition and packing follow from the fields.
 
 A record is a class whose annotations carry a `Field` each. Its bytes in the log are CDR, which
-for fixed-size fields is a little-endian C struct with natural alignment, so that the loop packs a
-complete MCAP Message record with one precompiled `struct.pack`.
+for fixed-size fields is a little-endian C struct with natural alignment, behind the head of an MCAP
+Message record. What is packed in every tick has generated functions: hil/log/packing.py.
 """
 
 from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, get_type_hints
 
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of an MCAP file
@@ -19,10 +19,9 @@ CDR_LE = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little endian
 MESSAGE = 0x05  # opcode of an MCAP Message record
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
 PAYLOAD_OFFSET = MESSAGE_HEAD.size + len(CDR_LE)
-_LENGTH_BASE = PAYLOAD_OFFSET - 9  # what the length field counts besides the fields
 
 # ROS 2 type: struct code, size in bytes (which is also its alignment)
-_SCALARS = {
+SCALARS = {
     "bool": ("?", 1),
     "uint8": ("B", 1),
     "int8": ("b", 1),
@@ -37,7 +36,6 @@ _SCALARS = {
 }
 _VARIABLE = ("string", "uint8[]")
 _ARRAY = re.compile(r"(\w+)\[(\d+)\]")
-_LINE = re.compile(r"(\S+)\s+(\w+)(?:\s+#\s*(?:\[([^\]]*)\]\s*)?(.*))?")
 
 
 class Field(NamedTuple):
@@ -77,34 +75,14 @@ def definition(fields: tuple[Field, ...], text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def parse_definition(text: str) -> tuple[Field, ...]:
-    """Return the fields of a ROS 2 message definition of scalars, fixed arrays and byte strings.
-
-    Raises: ValueError when a line is no field, or a type is none of those
-    """
-    fields = []
-    for line in text.splitlines():
-        bare = line.strip()
-        if not bare or bare.startswith("#"):
-            continue
-        match = _LINE.fullmatch(bare)
-        if match is None:
-            raise ValueError(f"no field definition: {bare!r}")
-        kind, name, unit, meaning = match.groups()
-        if kind not in _VARIABLE:
-            _scalar(kind)
-        fields.append(Field(kind, meaning or "", unit or "", name))
-    return tuple(fields)
-
-
-def _scalar(kind: str) -> tuple[str, int, int | None]:
+def scalar_of(kind: str) -> tuple[str, int, int | None]:
     """Return struct code, size and array length (None: a scalar) of a fixed-size type."""
     array = _ARRAY.fullmatch(kind)
     base, count = (array[1], int(array[2])) if array else (kind, None)
-    if base not in _SCALARS:
-        accepted = ", ".join([*_SCALARS, *_VARIABLE])
+    if base not in SCALARS:
+        accepted = ", ".join([*SCALARS, *_VARIABLE])
         raise ValueError(f"type {kind!r}: accepted are {accepted} and fixed arrays like uint8[4]")
-    code, size = _SCALARS[base]
+    code, size = SCALARS[base]
     return code, size, count
 
 
@@ -121,7 +99,7 @@ class Layout:
         self.variable = fields[len(fixed) :]
         if any(field.type not in _VARIABLE for field in self.variable):
             raise ValueError("fields of variable size come last")
-        self._fixed = tuple((field.name, *_scalar(field.type)) for field in fixed)
+        self._fixed = tuple((field.name, *scalar_of(field.type)) for field in fixed)
         self.format, self.size, offsets = _align(self._fixed)
         self._lead = struct.Struct(self.format)
         self.numpy_spec: Any = {
@@ -158,7 +136,12 @@ class Layout:
             if len(payload) < offset:
                 raise ValueError(f"payload has {len(payload)} bytes, {field.name} ends at {offset}")
             raw = bytes(payload[start:offset])
-            yield raw[:-1].decode() if field.type == "string" else raw
+            yield _string(raw) if field.type == "string" else raw
+
+
+def _string(raw: bytes) -> str:
+    """Text of a string; bytes of others that are no UTF-8 are told by their numbers."""
+    return raw.removesuffix(b"\0").decode(errors="backslashreplace")
 
 
 _Fixed = tuple[tuple[str, str, int, int | None], ...]
@@ -181,98 +164,23 @@ def _numpy_codes(fixed: _Fixed) -> Iterator[tuple[str, str, int, int | None]]:
         yield name, kind, size, count
 
 
-def _text(value: str | bytes) -> bytes:
-    return value if isinstance(value, bytes) else value.encode() + b"\0"
-
-
-def _pack_tail(*values: str | bytes) -> bytes:
+def _pack_tail(values: Iterable[str | bytes]) -> bytes:
     """Return strings and byte sequences as CDR that starts at a multiple of 4."""
     out = bytearray()
     for value in values:
-        raw = _text(value)
+        raw = value if isinstance(value, bytes) else value.encode() + b"\0"
         out += bytes(-len(out) % 4) + len(raw).to_bytes(4, "little") + raw
     return bytes(out)
-
-
-def packer(layout: Layout, channel_id: int) -> Callable[..., bytes]:
-    """Return `pack(*fields) -> bytes`: one record as a complete MCAP Message record.
-
-    log_time = publish_time = t_ns and sequence = tick: both fields are obligatory. The function
-    is written out and compiled, as `collections.namedtuple` does, since a call with the fields
-    in place costs a third of one that collects and spreads them.
-
-    Raises: ValueError when `tick` or `t_ns` is missing. The returned function raises
-    struct.error for a value outside its type
-    """
-    names = [field.name for field in layout.fields]
-    if not {"tick", "t_ns"} <= set(names):
-        raise ValueError("a log record needs the fields tick and t_ns")
-    fixed = layout.fields[: len(layout.fields) - len(layout.variable)]
-    values = [f.name if _scalar(f.type)[2] is None else f"*{f.name}" for f in fixed]
-    stamped = ", ".join(["tick", "t_ns", "t_ns", repr(CDR_LE), *values])
-    write = _write_variable if layout.variable else _write_fixed
-    form, code = write(layout, channel_id, stamped)
-    scope: dict[str, Any] = {"into_one": struct.Struct(form).pack, "tail_of": _pack_tail}
-    exec(f"def pack({', '.join(names)}): {code}", scope)
-    pack: Callable[..., bytes] = scope["pack"]
-    pack.__doc__ = "Return the record as a complete MCAP Message record."
-    return pack
-
-
-def _write_fixed(layout: Layout, channel_id: int, stamped: str) -> tuple[str, str]:
-    """Return struct format and body of a `pack` whose records all have one size."""
-    head = struct.pack("<BQH", MESSAGE, _LENGTH_BASE + layout.size, channel_id)
-    return f"<11sIQQ4s{layout.format[1:]}", f"return into_one({head!r}, {stamped})"
-
-
-def _write_variable(layout: Layout, channel_id: int, stamped: str) -> tuple[str, str]:
-    """Return struct format and body of a `pack` that appends strings and byte sequences."""
-    pad = -layout.size % 4
-    form = f"<BQHIQQ4s{layout.format[1:]}{'x' * pad}"
-    base = _LENGTH_BASE + layout.size + pad
-    tail = ", ".join(field.name for field in layout.variable)
-    if [field.type for field in layout.variable] == ["uint8[]"]:  # frames, every tick: no detour
-        head = f"{MESSAGE}, {base + 4} + size, {channel_id}"
-        return f"{form}I", f"size = len({tail}); return into_one({head}, {stamped}, size) + {tail}"
-    head = f"{MESSAGE}, {base} + len(tail), {channel_id}"
-    return form, f"tail = tail_of({tail}); return into_one({head}, {stamped}) + tail"
-
-
-def together(*topics: Topic) -> Callable[..., bytes]:
-    """Return `pack(tick, t_ns, *others) -> bytes`: several records of one tick in one call.
-
-    `others` are the remaining fields of each record in turn, arrays element by element; a call of
-    its own for each record would cost twice as much.
-
-    Raises: ValueError when a record has fields of variable size
-    """
-    form, places, stamped = "<", [], []
-    for topic in topics:
-        layout = topic.layout
-        if layout.variable:
-            raise ValueError(f"{topic.name} has fields of variable size")
-        head = struct.pack("<BQH", MESSAGE, _LENGTH_BASE + layout.size, topic.channel_id)
-        form += f"11sIQQ4s{layout.format[1:]}"
-        stamped += [repr(head), "tick", "t_ns", "t_ns", repr(CDR_LE)]
-        for field in layout.fields:
-            count = _scalar(field.type)[2] or 1
-            names = [f"{field.name}_{topic.channel_id}_{i}" for i in range(count)]
-            if field.name in {"tick", "t_ns"}:
-                names = [field.name]
-            else:
-                places += names
-            stamped += names
-    scope: dict[str, Any] = {"into_one": struct.Struct(form).pack}
-    exec(f"def pack(tick, t_ns, {', '.join(places)}): return into_one({', '.join(stamped)})", scope)
-    pack: Callable[..., bytes] = scope["pack"]
-    pack.__doc__ = "Return the records as complete MCAP Message records."
-    return pack
 
 
 class Topic:
     """A record class under a name and a channel number of the log.
 
-    `pack(*fields)` is what the loop calls; `layout`, `definition` and `schema_name` describe it.
+    `layout`, `definition` and `schema_name` describe it; hil/log/packing.py has a function of its
+    own for what is packed in every tick.
+    length: what the length field of a record counts, without strings and byte sequences
+
+    Raises: ValueError when `tick` or `t_ns` is missing
     """
 
     def __init__(self, name: str, channel_id: int, record: type[Record]) -> None:
@@ -280,7 +188,35 @@ class Topic:
         self.name = name
         self.channel_id = channel_id
         self.record = record
-        self.layout = Layout(fields)
+        self.layout = layout = Layout(fields)
         self.schema_name = f"fpeg_hil/msg/{record.__name__}"
         self.definition = definition(fields, record.__doc__ or "")
-        self.pack = packer(self.layout, channel_id)
+        self._names = [field.name for field in fields]
+        if not {"tick", "t_ns"} <= set(self._names):
+            raise ValueError("a log record needs the fields tick and t_ns")
+        self._tick_at, self._t_ns_at = self._names.index("tick"), self._names.index("t_ns")
+        pad = -layout.size % 4 if layout.variable else 0
+        self.length = PAYLOAD_OFFSET - 9 + layout.size + pad
+        self.payload_format = f"{layout.format[1:]}{'x' * pad}"
+        self._into_one = struct.Struct(f"{MESSAGE_HEAD.format}4s{self.payload_format}").pack
+
+    def pack(self, *values: Any, **named: Any) -> bytes:  # noqa: ANN401
+        """Return a record as a complete MCAP Message record, from its fields in turn or by name.
+
+        log_time = publish_time = t_ns and sequence = tick.
+
+        Raises: struct.error for a value outside its type, TypeError for a field too few or too many
+        """
+        if named:
+            values = (*values, *[named.pop(name) for name in self._names[len(values) :]])
+        if named or len(values) != len(self._names):
+            raise TypeError(f"{self.name} has the fields {', '.join(self._names)}")
+        tick, t_ns = values[self._tick_at], values[self._t_ns_at]
+        cut = len(values) - len(self.layout.variable)
+        numbers: list[Any] = []
+        for value in values[:cut]:
+            numbers += value if isinstance(value, tuple) else (value,)
+        tail = _pack_tail(values[cut:])
+        return self._into_one(
+            MESSAGE, self.length + len(tail), self.channel_id, tick, t_ns, t_ns, CDR_LE, *numbers
+        ) + tail  # fmt: skip

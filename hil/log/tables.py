@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from hil.errors import MissingExtraError
 from hil.log.part import ALWAYS, Span, TopicInfo
+from hil.log.records import SCALARS, Field
 
 if TYPE_CHECKING:
     import pandas
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 
 Columns = dict[str, Any]
 _ROWS = 20_000
+_MOST_COLUMNS = 64
 
 
 class Log(Protocol):
@@ -24,70 +27,93 @@ class Log(Protocol):
 
     topics: dict[str, TopicInfo]
 
-    def blocks(self, topic: str, span: Span = ...) -> Iterator[NDArray[Any]]:
-        """Yield the messages of a fixed-size topic as structured arrays."""
+    def timed_blocks(
+        self, topic: str, span: Span = ...
+    ) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
+        """Yield (log times, messages) of a fixed-size topic as structured arrays."""
 
-    def records(self, topic: str, span: Span = ...) -> Iterator[Any]:
-        """Yield the messages of any topic as named tuples."""
+    def timed_records(self, topic: str, span: Span = ...) -> Iterator[tuple[int, Any]]:
+        """Yield (log time, message) of any topic, messages as named tuples."""
 
     def units(self, topic: str) -> dict[str, str]:
         """Return the unit of each field that has one, or raise LogError: no such topic."""
 
 
 def columns(log: Log, topic: str, span: Span = ALWAYS) -> Iterator[Columns]:
-    """Yield a topic by blocks as {column: values}: numpy arrays, lists of str or bytes.
+    """Yield a topic by blocks as {column: values}: numpy arrays, lists of str, bytes or lists.
 
-    A fixed array becomes one column an item: pulse_channel_0, pulse_channel_1, ...
+    A fixed array becomes one column an item: pulse_channel_0, pulse_channel_1, ...; a topic
+    without `t_ns` gets one, from the time at which its messages were logged.
 
-    Raises: LogError when there is no such topic
+    Raises: LogError when there is no such topic, UndecodableError when it is not decoded
     """
-    if log.topics[topic].layout.variable if topic in log.topics else False:
+    for times, block in timed_columns(log, topic, span):
+        yield block if "t_ns" in block else {"t_ns": times, **block}
+
+
+def timed_columns(
+    log: Log, topic: str, span: Span = ALWAYS
+) -> Iterator[tuple[NDArray[Any], Columns]]:
+    """Yield (log times [ns], columns of the topic's own fields) by blocks."""
+    log.units(topic)  # tells an unknown topic
+    fields = log.topics[topic].fields
+    if not log.topics[topic].coding.fixed:
         yield from _variable(log, topic, span)
         return
-    for block in log.blocks(topic, span):
+    for times, rows in log.timed_blocks(topic, span):
         found: Columns = {}
-        for name in block.dtype.names or ():
-            values = block[name]
-            if values.ndim == 1:
-                found[name] = np.ascontiguousarray(values)
-            else:
-                for item in range(values.shape[1]):
-                    found[f"{name}_{item}"] = np.ascontiguousarray(values[:, item])
-        yield found
+        for field in fields:
+            found.update(_columns_of(field, rows[field.name]))
+        yield times, found
 
 
-def _variable(log: Log, topic: str, span: Span) -> Iterator[Columns]:
+def _variable(log: Log, topic: str, span: Span) -> Iterator[tuple[NDArray[Any], Columns]]:
     """Collect records of varying size into blocks."""
-    names = [field.name for field in log.topics[topic].fields]
-    kinds = {field.name: field.type for field in log.topics[topic].fields}
-    rows: list[Any] = []
-
-    def block() -> Columns:
-        fields = zip(names, zip(*rows, strict=True), strict=True)
-        return {name: _column(kinds[name], values) for name, values in fields}
-
-    for record in log.records(topic, span):
-        rows.append(record)
-        if len(rows) == _ROWS:
-            yield block()
-            rows.clear()
-    if rows:
-        yield block()
+    records = log.timed_records(topic, span)
+    while rows := list(islice(records, _ROWS)):
+        found: Columns = {}
+        values = zip(*(row for _, row in rows), strict=True)
+        for field, column in zip(log.topics[topic].fields, values, strict=True):
+            found.update(_columns_of(field, column))
+        yield np.array([t_ns for t_ns, _ in rows], np.uint64), found
 
 
-def _column(kind: str, values: tuple[Any, ...]) -> Any:  # noqa: ANN401
-    return list(values) if kind in {"string", "uint8[]"} else np.array(values, dtype=kind)
+def _columns_of(field: Field, values: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Yield the columns of one field: those of a fixed array, or its own."""
+    (name, kind), *rest = _names_of(field)
+    if rest or name != field.name:
+        for item, (own, _) in enumerate(_names_of(field)):
+            yield own, _column(kind, [row[item] for row in values])
+    elif isinstance(values, np.ndarray) and values.ndim > 1:
+        yield name, values.tolist()
+    else:
+        yield name, _column(kind, values)
+
+
+def _column(kind: str, values: Any) -> Any:  # noqa: ANN401
+    return np.ascontiguousarray(values, dtype=kind) if kind in SCALARS else list(values)
+
+
+def _names_of(field: Field) -> list[tuple[str, str]]:
+    """Return (name, type) of the columns that a field becomes; a long array stays one."""
+    base, array, count = field.type.rstrip("]").partition("[")
+    if not array or not count:
+        return [(field.name, field.type)]
+    if "/" in base or not 0 < int(count) <= _MOST_COLUMNS:
+        return [(field.name, f"{base}[]")]
+    return [(f"{field.name}_{item}", base) for item in range(int(count))]
+
+
+def column_kinds(log: Log, topic: str) -> dict[str, str]:
+    """Return the ROS type of every column, in the names and the order of `columns`."""
+    found = {n: kind for field in log.topics[topic].fields for n, kind in _names_of(field)}
+    return found if "t_ns" in found else {"t_ns": "uint64", **found}
 
 
 def column_units(log: Log, topic: str) -> dict[str, str]:
     """Return the unit of every column that has one, in the names of `columns`."""
-    found = {}
-    for field in log.topics[topic].fields:
-        if field.unit:
-            count = field.type.partition("[")[2].rstrip("]")
-            names = [f"{field.name}_{i}" for i in range(int(count))] if count else [field.name]
-            found.update(dict.fromkeys(names, field.unit))
-    return found
+    fields = log.topics[topic].fields
+    return {name: field.unit for field in fields if field.unit for name, _ in _names_of(field)}
 
 
 def _whole(log: Log, topic: str, span: Span) -> Columns:

@@ -172,19 +172,24 @@ class Command(Record):
     data: Annotated[bytes, Field("uint8[]", "the command, JSON as it came")]
 
 
-SENSOR = Topic("/sensor", 1, Sensor)
-ACTUATOR = Topic("/actuator", 2, Actuator)
-STROKE = Topic("/stroke", 3, Stroke)
-TRUTH = Topic("/truth", 4, Truth)
-TIMING = Topic("/timing", 5, Timing)
-EVENT = Topic("/event", 6, Event)
-FRAMES_SENT = Topic("/frames/sent", 7, Frames)
-FRAMES_RECEIVED = Topic("/frames/received", 8, Frames)
-DEMAND = Topic("/demand", 9, Demand)
-SNAPSHOT = Topic("/snapshot", 10, Snapshot)
-COMMAND = Topic("/command", 11, Command)
+SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor)
+ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator)
+STROKE: Final[Topic] = Topic("/stroke", 3, Stroke)
+TRUTH: Final[Topic] = Topic("/truth", 4, Truth)
+TIMING: Final[Topic] = Topic("/timing", 5, Timing)
+EVENT: Final[Topic] = Topic("/event", 6, Event)
+FRAMES_SENT: Final[Topic] = Topic("/frames/sent", 7, Frames)
+FRAMES_RECEIVED: Final[Topic] = Topic("/frames/received", 8, Frames)
+DEMAND: Final[Topic] = Topic("/demand", 9, Demand)
+SNAPSHOT: Final[Topic] = Topic("/snapshot", 10, Snapshot)
+COMMAND: Final[Topic] = Topic("/command", 11, Command)
 
-ALL = (
+ALL: Final[tuple[Topic, ...]] = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
     DEMAND, SNAPSHOT, COMMAND,
 )  # fmt: skip
+
+HOT: Final[tuple[Topic, ...]] = (
+    SENSOR, TRUTH, TIMING, ACTUATOR, FRAMES_SENT, FRAMES_RECEIVED, STROKE, DEMAND,
+)  # fmt: skip
+"""Those of (nearly) every tick: hil/log/packing.py has a function for each."""

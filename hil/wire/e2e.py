@@ -58,10 +58,10 @@ def _constant() -> int:
 
 
 _BYTES: Final = _byte_tables()
-_PAIR_1_2: Final = _pair_table(_BYTES[0], _BYTES[1])
-_PAIR_3_4: Final = _pair_table(_BYTES[2], _BYTES[3])
-_PAIR_5_6: Final = _pair_table(_BYTES[4], _BYTES[5])
-_BYTE_7: Final = _BYTES[6]
+PAIR_1_2: Final = _pair_table(_BYTES[0], _BYTES[1])
+PAIR_3_4: Final = _pair_table(_BYTES[2], _BYTES[3])
+PAIR_5_6: Final = _pair_table(_BYTES[4], _BYTES[5])
+BYTE_7: Final = _BYTES[6]
 _START: Final = _constant()
 
 
@@ -78,8 +78,8 @@ def unsigned(word: int) -> int:
 def crc8(word: i64) -> i64:
     """What bits 8 to 63 of a signed word contribute to its CRC."""
     return (
-        _PAIR_1_2[word >> 8 & 0xFFFF] ^ _PAIR_3_4[word >> 24 & 0xFFFF]
-        ^ _PAIR_5_6[word >> 40 & 0xFFFF] ^ _BYTE_7[word >> 56 & 0xFF]
+        PAIR_1_2[word >> 8 & 0xFFFF] ^ PAIR_3_4[word >> 24 & 0xFFFF]
+        ^ PAIR_5_6[word >> 40 & 0xFFFF] ^ BYTE_7[word >> 56 & 0xFF]
     )  # fmt: skip
 
 

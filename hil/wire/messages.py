@@ -17,8 +17,10 @@ from mypy_extensions import i64
 from hil.values import Value
 from hil.wire.fields import Signal, message
 
-MACHINE_MODES: Final = {0: "off", 1: "motor", 2: "generator"}
-OFF, MOTOR, GENERATOR = MACHINE_MODES
+OFF: Final = 0
+MOTOR: Final = 1
+GENERATOR: Final = 2
+MACHINE_MODES: Final = {OFF: "off", MOTOR: "motor", GENERATOR: "generator"}
 
 
 class OperatingMode(IntEnum):
@@ -36,22 +38,31 @@ OPERATING_MODES: Final = {mode.value: mode.name.lower() for mode in OperatingMod
 FIRING_MODES: Final = (OperatingMode.MOTORING.value, OperatingMode.GENERATING.value)
 """In any other operating mode all TTL lines are low; both sides hold to it."""
 
+INJECTOR_LEFT: Final = 0
+INJECTOR_RIGHT: Final = 1
+SPARK_LEFT: Final = 2
+SPARK_RIGHT: Final = 3
+INTAKE_LEFT: Final = 4
+EXHAUST_LEFT: Final = 5
+INTAKE_RIGHT: Final = 6
+EXHAUST_RIGHT: Final = 7
+VALVES: Final = (INTAKE_LEFT, EXHAUST_LEFT, INTAKE_RIGHT, EXHAUST_RIGHT)
 CHANNELS: Final = {
-    0: "injector_left",
-    1: "injector_right",
-    2: "spark_left",
-    3: "spark_right",
-    4: "intake_left",
-    5: "exhaust_left",
-    6: "intake_right",
-    7: "exhaust_right",
+    INJECTOR_LEFT: "injector_left",
+    INJECTOR_RIGHT: "injector_right",
+    SPARK_LEFT: "spark_left",
+    SPARK_RIGHT: "spark_right",
+    INTAKE_LEFT: "intake_left",
+    EXHAUST_LEFT: "exhaust_left",
+    INTAKE_RIGHT: "intake_right",
+    EXHAUST_RIGHT: "exhaust_right",
 }
-INJECTOR_LEFT, INJECTOR_RIGHT, SPARK_LEFT, SPARK_RIGHT, *VALVES = CHANNELS
-INTAKE_LEFT, EXHAUST_LEFT, INTAKE_RIGHT, EXHAUST_RIGHT = VALVES
 
-SLOW_SIGNALS: Final = {0: "electric_power", 1: "p_left", 2: "p_right"}
-ELECTRIC_POWER, P_LEFT, P_RIGHT = SLOW_SIGNALS
-SLOW_ORDER: Final = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
+ELECTRIC_POWER: Final = 0
+P_LEFT: Final = 1
+P_RIGHT: Final = 2
+SLOW_SIGNALS: Final = {ELECTRIC_POWER: "electric_power", P_LEFT: "p_left", P_RIGHT: "p_right"}
+SLOW_ORDER: Final[tuple[int, ...]] = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
 """They take turns: which one a tick carries, by its number modulo four."""
 
 UNHEARD_SAFE: Final = 15

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.values import NEVER, Value, replace
 from hil.wire import messages
 from hil.wire.messages import CHANNELS, FIRING_MODES, INTAKE_LEFT, PULSE_CLOCK_US
@@ -46,7 +48,7 @@ class PulseOrder(Value):
 
     __slots__ = ("channel", "open_us", "duration_us")
 
-    def __init__(self, channel: int, open_us: int, duration_us: int) -> None:
+    def __init__(self, channel: i64, open_us: i64, duration_us: i64) -> None:
         self.channel = channel
         self.open_us = open_us
         self.duration_us = duration_us
@@ -58,7 +60,7 @@ class Pulse(Value):
 
     __slots__ = ("order", "open_ns", "close_ns")
 
-    def __init__(self, order: PulseOrder, open_ns: int, close_ns: int) -> None:
+    def __init__(self, order: PulseOrder, open_ns: i64, close_ns: i64) -> None:
         self.order = order
         self.open_ns = open_ns
         self.close_ns = close_ns
@@ -88,7 +90,7 @@ class PulseTable(Value):
 
     def __init__(
         self, lines: tuple[Line, ...] = (Line(),) * WITHOUT_VALVES,
-        next_edge_ns: int = NEVER, refusals: tuple[int, ...] = (0,) * len(REASONS),
+        next_edge_ns: i64 = NEVER, refusals: tuple[int, ...] = (0,) * len(REASONS),
     ) -> None:  # fmt: skip
         self.lines = lines
         self.next_edge_ns = next_edge_ns
@@ -101,7 +103,7 @@ class Edge(Value):
 
     __slots__ = ("t_ns", "channel", "high", "pulse")
 
-    def __init__(self, t_ns: int, channel: int, high: bool, pulse: Pulse) -> None:
+    def __init__(self, t_ns: i64, channel: int, high: bool, pulse: Pulse) -> None:
         self.t_ns = t_ns
         self.channel = channel
         self.high = high
@@ -109,6 +111,8 @@ class Edge(Value):
 
 
 Refusals = tuple[tuple[str, PulseOrder], ...]
+_NO_REFUSALS: Final[Refusals] = ()
+_NO_EDGES: Final[tuple[Edge, ...]] = ()
 
 
 def lines_for(count: int) -> PulseTable:
@@ -126,7 +130,7 @@ def wrap_us(t_ns: int) -> int:
     return t_ns // 1000 % PULSE_CLOCK_US
 
 
-def unwrap_ns(open_us: int, now_ns: int) -> int:
+def unwrap_ns(open_us: i64, now_ns: i64) -> i64:
     """Return the instant that 20 bits of us mean: in [now - 2^18 us, now + 3 2^18 us) [ns]."""
     now_us = now_ns // 1000
     return (now_us - BACK_US + (open_us - now_us + BACK_US) % PULSE_CLOCK_US) * 1000
@@ -144,7 +148,7 @@ def superseded(older: list[messages.Pulse], newer: list[messages.Pulse]) -> list
 
 
 def follow(
-    table: PulseTable, fires: bool, orders: tuple[PulseOrder, ...], now_ns: int
+    table: PulseTable, fires: bool, orders: tuple[PulseOrder, ...], now_ns: i64
 ) -> tuple[PulseTable, Refusals]:
     """Take what a tick's answer says of the lines, at the tick's start.
 
@@ -152,45 +156,45 @@ def follow(
     Returns: the table, some of whose edges may be due now, and which orders were refused and why
     """
     if not fires:
-        return shut(table, now_ns), ()
-    return receive(table, orders, now_ns) if orders else (table, ())
+        return shut(table, now_ns), _NO_REFUSALS
+    return receive(table, orders, now_ns) if orders else (table, _NO_REFUSALS)
 
 
 def receive(
-    table: PulseTable, orders: tuple[PulseOrder, ...], now_ns: int
+    table: PulseTable, orders: tuple[PulseOrder, ...], now_ns: i64
 ) -> tuple[PulseTable, Refusals]:
     """Enter the orders of one tick; each is accepted, known already, or refused with a reason."""
+    lines, counts = list(table.lines), table.refusals
+    if all(_known(lines, order, now_ns) for order in orders):
+        return table, _NO_REFUSALS  # ordinarily: an order is sent until its pulse has closed
     refused: list[tuple[str, PulseOrder]] = []
-    lines = list(table.lines)
-    counts = table.refusals
-    set_now: set[int] = set()
+    set_now: set[i64] = set()
     for order in orders:
-        channel = order.channel
-        if not 0 <= channel < len(lines):
-            reason: str = UNKNOWN_CHANNEL
-        else:
-            line = lines[channel]
-            if _known(line, order, now_ns):
-                continue
-            lines[channel], reason = _enter(line, order, now_ns, channel in set_now)
-            if not reason:
-                set_now.add(channel)
+        if _known(lines, order, now_ns):
+            continue
+        channel, reason = order.channel, UNKNOWN_CHANNEL
+        if 0 <= channel < len(lines):
+            lines[channel], reason = _enter(lines[channel], order, now_ns, channel in set_now)
         if reason:
             counts = _counted(counts, reason)
             refused.append((reason, order))
-    if not set_now and not refused:
-        return table, ()
+        else:
+            set_now.add(channel)
     return PulseTable(tuple(lines), _next_edge(lines), counts), tuple(refused)
 
 
-def _known(line: Line, order: PulseOrder, now_ns: int) -> bool:
+def _known(lines: list[Line], order: PulseOrder, now_ns: i64) -> bool:
     """Tell whether the order is one that was dealt with before and is only sent again."""
-    if _is(line.open, order) or _is(line.pending, order):
-        return True
-    for pulse in (line.last, line.refused):
-        if pulse is not None and _is(pulse, order) and now_ns - pulse.close_ns < REPEAT_NS:
-            return True
-    return False
+    if not 0 <= order.channel < len(lines):
+        return False
+    line = lines[order.channel]
+    over = _repeats(line.last, order, now_ns) or _repeats(line.refused, order, now_ns)
+    return over or _is(line.open, order) or _is(line.pending, order)
+
+
+def _repeats(pulse: Pulse | None, order: PulseOrder, now_ns: i64) -> bool:
+    """Tell whether the order of a pulse that is over may still be on its way."""
+    return pulse is not None and _is(pulse, order) and now_ns - pulse.close_ns < REPEAT_NS
 
 
 def _is(pulse: Pulse | None, order: PulseOrder) -> bool:
@@ -201,7 +205,7 @@ def _is(pulse: Pulse | None, order: PulseOrder) -> bool:
     return first.open_us == order.open_us and first.duration_us == order.duration_us
 
 
-def _enter(line: Line, order: PulseOrder, now_ns: int, twice: bool) -> tuple[Line, str]:
+def _enter(line: Line, order: PulseOrder, now_ns: i64, twice: bool) -> tuple[Line, str]:
     """Put a new order into its channel, or tell why not."""
     open_ns = unwrap_ns(order.open_us, now_ns)
     pulse = Pulse(order, open_ns, open_ns + order.duration_us * 1000)
@@ -211,27 +215,26 @@ def _enter(line: Line, order: PulseOrder, now_ns: int, twice: bool) -> tuple[Lin
     reason = _objection(line, pulse, now_ns, moves)
     if not reason and twice and line.pending is not None and not moves:
         reason = CONTRADICTORY
-    if reason:
-        return replace(line, refused=pulse), reason
-    return (replace(line, open=pulse) if moves else replace(line, pending=pulse)), ""
+    if reason or moves:
+        return (replace(line, refused=pulse) if reason else replace(line, open=pulse)), reason
+    return Line(line.open, pulse, line.last, line.refused), ""
 
 
-def _withdraw(line: Line, open_ns: int, now_ns: int) -> Line:
+def _withdraw(line: Line, open_ns: i64, now_ns: i64) -> Line:
     """Take back the pulse with that opening: drop it, or close it now if it is open."""
-    running, pending = line.open, line.pending
-    if pending is not None and pending.open_ns == open_ns:
+    if line.pending is not None and line.pending.open_ns == open_ns:
         return replace(line, pending=None)
-    if running is not None and running.open_ns == open_ns:
-        return replace(line, open=_closed(running, now_ns))
+    if line.open is not None and line.open.open_ns == open_ns:
+        return replace(line, open=_closed(line.open, now_ns))
     return line
 
 
-def _closed(pulse: Pulse | None, now_ns: int) -> Pulse | None:
+def _closed(pulse: Pulse | None, now_ns: i64) -> Pulse | None:
     """Return an open pulse, if there is one, as it is when it ends now."""
     return pulse and Pulse(pulse.order, pulse.open_ns, min(pulse.close_ns, now_ns))
 
 
-def _objection(line: Line, pulse: Pulse, now_ns: int, moves: bool) -> str:
+def _objection(line: Line, pulse: Pulse, now_ns: i64, moves: bool) -> str:
     """Tell why a pulse is refused; an empty string when it is not.
 
     moves: it is the open pulse with another closing, which has to lie ahead, and before what is to
@@ -256,9 +259,9 @@ def _counted(counts: tuple[int, ...], reason: str) -> tuple[int, ...]:
     return (*counts[:index], counts[index] + 1, *counts[index + 1 :])
 
 
-def _next_edge(lines: Sequence[Line]) -> int:
+def _next_edge(lines: list[Line]) -> i64:
     """Find the next instant at which a line changes level."""
-    edge = NEVER
+    edge: i64 = NEVER
     for line in lines:
         if line.open is not None:
             edge = min(edge, line.open.close_ns)
@@ -267,23 +270,23 @@ def _next_edge(lines: Sequence[Line]) -> int:
     return edge
 
 
-def shut(table: PulseTable, now_ns: int) -> PulseTable:
+def shut(table: PulseTable, now_ns: i64) -> PulseTable:
     """Let what is open close now, and drop what is to come."""
     if table.next_edge_ns == NEVER:
         return table
-    lines = tuple([replace(line, open=_closed(line.open, now_ns), pending=None)
-                   for line in table.lines])  # fmt: skip
-    return PulseTable(lines, _next_edge(lines), table.refusals)
+    lines = [Line(_closed(line.open, now_ns), None, line.last, line.refused)
+             for line in table.lines]  # fmt: skip
+    return PulseTable(tuple(lines), _next_edge(lines), table.refusals)
 
 
 def advance(table: PulseTable, to_ns: float) -> tuple[PulseTable, tuple[Edge, ...]]:
     """Let time pass; returns the table, and every edge up to and at `to_ns` in time order."""
     due_ns = table.next_edge_ns
-    if due_ns > to_ns:
-        return table, ()
+    if float(due_ns) > to_ns:
+        return table, _NO_EDGES
     lines = list(table.lines)
     edges: list[Edge] = []
-    while due_ns <= to_ns:
+    while float(due_ns) <= to_ns:
         for channel, line in enumerate(lines):
             running, pending = line.open, line.pending
             if running is not None:

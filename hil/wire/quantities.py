@@ -126,3 +126,8 @@ def shown(value: object) -> str:
     except RecursionError:
         return "..."
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
+
+
+def printable(text: str) -> str:
+    """Return a text of somebody else's without what a terminal would act on."""
+    return "".join(c if c.isprintable() else "?" for c in text)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from typing import Final
+from typing import Final, get_type_hints
 
 from hil.wire import commands, status
+from hil.wire.answers import MAX_WAITING, CommandAnswer
 from hil.wire.commands import Declaration
 from hil.wire.quantities import Field
 
@@ -22,6 +23,17 @@ is one JSON object in UTF-8 of at most {most} bytes, as
 `at_s` ({at}) is an event; a command to the plant may leave it out and acts from the start. What is
 not accepted is refused in one line by the addressee, what is for nobody by the controller; either
 way it is logged with where it came from.
+
+What is put on the key is taken or refused without a word to its sender. What is asked there (a
+Zenoh query whose payload is the command) is answered by the addressee with the object below, as it
+is for `hil set`, `hil start` and `hil stop`. Of the commands that wait, one is taken every ten
+ticks; more than {waiting} are refused with that reason. Whatever comes on `hil/ENGINE/stop`, put or
+asked, is a stop, and comes before everything that waits.
+"""
+_ANSWER: Final = """## Answer
+
+| field | value | meaning |
+|---|---|---|
 """
 _STATUS: Final = """## Status
 
@@ -33,9 +45,10 @@ _KINDS: Final = {float: "number", int: "whole number", str: "text", bool: "true,
 
 def text() -> str:
     """Return docs/commands.md."""
-    head = _HEAD.format(most=commands.MAX_BYTES, at=f"{commands.AT_S.accepted} s")
+    at = f"{commands.AT_S.accepted} s"
+    head = _HEAD.format(most=commands.MAX_BYTES, at=at, waiting=MAX_WAITING)
     lines = [head, *(line for declared in commands.DECLARED for line in _command(declared))]
-    lines.append(_STATUS)
+    lines += [_ANSWER + "\n".join(_answer()), "", _STATUS]
     for process in status.DECLARED:
         lines += _status(process)
     return "\n".join(lines)
@@ -64,6 +77,14 @@ def _row(field: Field) -> str:
     also = f"; changes `{field.parameter}`" if field.parameter else ""
     unit, accepted = field.unit, field.accepted
     return f"| `{field.name}` | {unit} | {accepted} | {default} | {field.meaning}{also} |"
+
+
+def _answer() -> list[str]:
+    """Rows of the answer to a command."""
+    doc = inspect.getdoc(CommandAnswer) or ""
+    kinds = get_type_hints(CommandAnswer)
+    rows = (line.split(": ", 1) for line in doc.splitlines() if ": " in line)
+    return [f"| `{name}` | {_KINDS[kinds[name]]} | {meaning} |" for name, meaning in rows]
 
 
 def _status(process: str) -> list[str]:

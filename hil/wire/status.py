@@ -163,6 +163,12 @@ def finite_or_none(value: object) -> object:
     return None if isinstance(value, float) and value - value != 0.0 else value
 
 
+def _is_count(name: str, count: object) -> bool:
+    """Whether it is a counter with a name that can be shown."""
+    fits = type(count) is int and abs(count) <= _MOST
+    return fits and len(name) <= _MAX_CHARS and name.isprintable()
+
+
 def _fits(kind: type, value: object) -> bool:
     """Whether a value can be one of a figure."""
     if value is None:
@@ -172,7 +178,7 @@ def _fits(kind: type, value: object) -> bool:
     if isinstance(value, str):
         return kind is str and len(value) <= _MAX_CHARS and value.isprintable()
     if isinstance(value, dict):
-        return kind is Mapping and all(type(count) is int for count in value.values())
+        return kind is Mapping and all(map(_is_count, value, value.values()))
     if not isinstance(value, int | float) or (kind is int and not isinstance(value, int)):
         return False
     return kind in (int, float) and not abs(value) > _MOST

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final, Generic, NoReturn, TypeVar
+from typing import Generic, NoReturn, TypeVar
 
 from mypy_extensions import i16, i64
 
 from hil.errors import CodecError
-from hil.wire.e2e import crc8
 from hil.wire.fields import refusal
-
-ROUND: Final = 6755399441055744.0
-"""2^52 + 2^51: adding it to a number below 2^51 and taking it off rounds half to even."""
 
 MessageT = TypeVar("MessageT")
 
@@ -35,24 +31,6 @@ class Stream(Generic[MessageT]):
         self.bare: i64 = -1
         self.message: MessageT | None = None
 
-    def receive(self, word: i64) -> bool:
-        """Take a frame that is intact and has the counter that is due; false for any other."""
-        counter = self.counter + 1 & 0xF
-        bare = word ^ self.marks[counter]
-        if bare == self.bare and self.message is not None:
-            self.counter = counter
-            return True
-        if crc8(bare) != bare & 0xFFF:
-            return False
-        self.counter, self.bare = counter, bare
-        self.message = self.unpack(bare)
-        return True
-
-    def take(self, counter: i64, bare: i64) -> None:
-        """Go on from a frame that was received."""
-        self.counter, self.bare = counter, bare
-        self.message = self.unpack(bare)
-
     def pack(self, message: MessageT) -> i64:
         """Return the bare word of a message.
 
@@ -60,8 +38,8 @@ class Stream(Generic[MessageT]):
         """
         raise NotImplementedError
 
-    def unpack(self, word: i64) -> MessageT | None:
-        """Return the message of a bare word, None when a value is out of range."""
+    def take(self, counter: i64, word: i64) -> bool:
+        """Go on from a bare word if its CRC is right."""
         raise NotImplementedError
 
 

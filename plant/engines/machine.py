@@ -32,4 +32,13 @@ class Machine(Value):
         self.force_n = force_n
 
 
+def same_order(a: MachineOrder, b: MachineOrder) -> bool:
+    """Whether two orders ask for the same."""
+    return a is b or (
+        a.mode == b.mode
+        and a.force_n == b.force_n
+        and a.load_coefficient_n_s_m == b.load_coefficient_n_s_m
+    )
+
+
 IDLE: Final = Machine(MachineOrder(OFF, 0.0, 0.0), 0.0, 0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final, final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from hil.values import Value
 from plant.engines.machine import Machine
@@ -23,6 +23,7 @@ OF_ITS_OWN: Final = 2
 
 
 @final
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Motion(Value):
     """An engine between two instants.
 
@@ -73,7 +74,7 @@ class Inputs(Value):
         machine: Machine,
         valves: tuple[int, ...],
         fuel_kg: tuple[float, float],
-        spark_ns: tuple[int, int],
+        spark_ns: tuple[i64, i64],
     ) -> None:
         self.machine = machine
         self.valves = valves

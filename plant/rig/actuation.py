@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar, final
+from typing import final
+
+from mypy_extensions import i64
 
 from hil.values import Value
 from hil.wire import pulses
 from hil.wire.messages import SPARK_LEFT, VALVES
 from hil.wire.pulses import Pulse, PulseTable
 
-_T = TypeVar("_T")
 _FIRST_VALVE = VALVES[0]
 _ALL_LOW = PulseTable()
 
@@ -24,18 +25,22 @@ class Actuation(Value):
         self,
         table: PulseTable = _ALL_LOW,
         fuel_kg: tuple[float, float] = (0.0, 0.0),
-        spark_ns: tuple[int, int] = (-1, -1),
+        spark_ns: tuple[i64, i64] = (-1, -1),
     ) -> None:
         self.table = table
         self.fuel_kg = fuel_kg
         self.spark_ns = spark_ns
 
 
-class Injector(NamedTuple):
+@final
+class Injector(Value):
     """Static flow by side and the dead time before it begins."""
 
-    flow_kg_s: tuple[float, float]
-    dead_time_ns: float
+    __slots__ = ("flow_kg_s", "dead_time_ns")
+
+    def __init__(self, flow_kg_s: tuple[float, float], dead_time_ns: float) -> None:
+        self.flow_kg_s = flow_kg_s
+        self.dead_time_ns = dead_time_ns
 
 
 def with_table(a: Actuation, table: PulseTable) -> Actuation:
@@ -53,16 +58,17 @@ def advance(a: Actuation, injector: Injector, to_ns: float) -> Actuation:
         channel = edge.channel
         if channel < SPARK_LEFT:
             if not edge.high:
-                fed = fuel_kg[channel] + flowed_kg(edge.pulse, injector, channel, edge.t_ns)
-                fuel_kg = _set(fuel_kg, channel, fed)
+                fed_kg = flowed_kg(edge.pulse, injector, channel, float(edge.t_ns))
+                fuel_kg = _with_fuel(fuel_kg, channel, fuel_kg[channel] + fed_kg)
         elif edge.high and channel < _FIRST_VALVE:
-            spark_ns = _set(spark_ns, channel - SPARK_LEFT, edge.t_ns)
+            spark_ns = with_spark(spark_ns, channel - SPARK_LEFT, edge.t_ns)
     return Actuation(table, fuel_kg, spark_ns)
 
 
 def flowed_kg(pulse: Pulse, injector: Injector, side: int, t_ns: float) -> float:
     """Fuel let through by time t: flow * (min(t, closing) - opening - dead time), at least 0."""
-    open_ns = min(t_ns, pulse.close_ns) - (pulse.open_ns + injector.dead_time_ns)
+    until_ns = min(t_ns, float(pulse.close_ns))
+    open_ns = until_ns - (float(pulse.open_ns) + injector.dead_time_ns)
     return injector.flow_kg_s[side] * max(open_ns, 0.0) * 1e-9
 
 
@@ -79,8 +85,14 @@ def scavenge(a: Actuation, injector: Injector, side: int, t_ns: float) -> Actuat
     owed = -flowed_kg(running, injector, side, t_ns) if running is not None else 0.0
     if a.fuel_kg[side] == owed and a.spark_ns[side] < 0:
         return a
-    return Actuation(a.table, _set(a.fuel_kg, side, owed), _set(a.spark_ns, side, -1))
+    fuel_kg = _with_fuel(a.fuel_kg, side, owed)
+    return Actuation(a.table, fuel_kg, with_spark(a.spark_ns, side, -1))
 
 
-def _set(pair: tuple[_T, _T], index: int, value: _T) -> tuple[_T, _T]:
-    return (value, pair[1]) if index == 0 else (pair[0], value)
+def _with_fuel(pair_kg: tuple[float, float], side: int, fuel_kg: float) -> tuple[float, float]:
+    return (fuel_kg, pair_kg[1]) if side == 0 else (pair_kg[0], fuel_kg)
+
+
+def with_spark(pair_ns: tuple[i64, i64], side: int, spark_ns: i64) -> tuple[i64, i64]:
+    """Let the spark of one side be another."""
+    return (spark_ns, pair_ns[1]) if side == 0 else (pair_ns[0], spark_ns)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from hil.errors import ConfigError
-from hil.values import replace
 from hil.wire.latch import RELEASED
 from hil.wire.messages import GENERATOR, VALVES
 from hil.wire.pulses import lines_for
@@ -73,7 +72,7 @@ def _settled(
         d = charges.preview(p, Disturbances(), 0)
         charge = Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
     s = _at(p, p.engine.begin(charge, load_n_s_m))
-    s = replace(s, machine=obey(p, MachineOrder(GENERATOR, 0.0, load_n_s_m), 1.0))
+    s = s.but(machine=obey(p, MachineOrder(GENERATOR, 0.0, load_n_s_m), 1.0))
     if p.engine.ignition == AT_DEAD_CENTRE:
         events: list[Event] = []
         return _fired(p, s, fuel_kg, events), tuple(events)
@@ -83,19 +82,19 @@ def _settled(
     d, taken = disturbances.start_stroke(p.edges, s.disturbances, 0, 0.0)
     later = [edge for edge in taken if edge.fraction > 0.0]
     duration = p.engine.stroke_s(s.motion, s.machine, 0, 0) if later else 0.0
-    return replace(s, disturbances=put(d, list(taken), duration)), ()
+    return s.but(disturbances=put(d, list(taken), duration)), ()
 
 
 def _fired(p: PlantParams, s: PlantState, fuel_kg: float, events: list[Event]) -> PlantState:
     """Burn the first charge, with disturbances acting there already."""
     d, taken = disturbances.start_stroke(p.edges, s.disturbances, 0, 0.0)
-    s = replace(s, disturbances=d)
+    s = s.but(disturbances=d)
     s = begin_at_once(p, s, taken, 0, Held(s.x_m, 0.0), events)
     d, cause = disturbances.take_misfire(s.disturbances)
     if cause:
         events.append(Event(0, MISFIRE, f"{charges.SIDES[charges.LEFT]}: forced, no {cause}"))
     charge = NO_CHARGE if cause else Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
-    s = next_stroke(replace(s, disturbances=d), 1, 1, 0, s.x_m, charge)
+    s = next_stroke(s.but(disturbances=d), 1, 1, 0, s.x_m, charge)
     stop = Stop(0.0, s.x_m, 0.0, 1, 0, compressed=True, burnt=None)
-    s = replace(s, motion=p.engine.turn(s.motion, s.machine, charge, stop))
+    s = s.but(motion=p.engine.turn(s.motion, s.machine, charge, stop))
     return expect(p, s, taken, 0, 0.0)

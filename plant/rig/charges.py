@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil.values import replace
+from mypy_extensions import i64
+
+from hil.rounding import nearest
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
 from plant.rig import actuation, disturbances
+from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.params import PlantParams
@@ -40,9 +43,9 @@ def at_dead_centre(
     reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, stop)
     goes_on = p.engine.every_stroke and s.stroke.charge.fuel_kg > 0.0
     if reason and (cause or fuel_kg > 0.0 or spark_ns >= 0 or goes_on):
-        events.append(Event(round(stop.t_ns), MISFIRE, f"{SIDES[side]}: {reason}"))
+        events.append(Event(nearest(stop.t_ns), MISFIRE, f"{SIDES[side]}: {reason}"))
     pulses = actuation.scavenge(pulses, p.injector, side, stop.t_ns)
-    s = replace(s, pulses=pulses, disturbances=d)
+    s = s.but(pulses=pulses, disturbances=d)
     if reason:
         return s, NO_CHARGE
     return s, Charge(fuel_kg, efficiency(p, d.efficiency, number))
@@ -52,16 +55,16 @@ def _lit(
     p: PlantParams, s: PlantState, stop: Stop, side: int, events: list[Event]
 ) -> tuple[PlantState, Charge]:
     """Return the charge that a spark has lit; what was not lit leaves with the exhaust."""
-    t_ns, pulses, charge = round(stop.t_ns), s.pulses, s.lit
+    t_ns, pulses, charge = nearest(stop.t_ns), s.pulses, s.lit
     if charge.fuel_kg == 0.0 and pulses.spark_ns[side] < 0:
-        fuel = actuation.fuel_until(pulses, p.injector, side, t_ns)
+        fuel = actuation.fuel_until(pulses, p.injector, side, float(t_ns))
         if fuel > 0.0:
             events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: no spark"))
-    pulses = actuation.scavenge(pulses, p.injector, side, t_ns)
-    return replace(s, pulses=pulses, lit=NO_CHARGE), charge
+    pulses = actuation.scavenge(pulses, p.injector, side, float(t_ns))
+    return s.but(pulses=pulses, lit=NO_CHARGE), charge
 
 
-def _objection(p: PlantParams, fuel_kg: float, spark_ns: int, stop: Stop) -> str:
+def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop) -> str:
     """Tell why a charge does not burn at the dead centre; an empty string when it does."""
     reason = _objection_to_fuel(p, fuel_kg)
     if fuel_kg > 0.0 and not stop.compressed:
@@ -72,7 +75,7 @@ def _objection(p: PlantParams, fuel_kg: float, spark_ns: int, stop: Stop) -> str
         return "no spark"
     if stop.burnt is not None:
         return "" if stop.burnt else "not burnt by the unit"
-    early_ns = stop.t_ns - spark_ns
+    early_ns = stop.t_ns - float(spark_ns)
     if early_ns > p.spark_window_ns:
         return f"early spark ({early_ns * 1e-6:.3f} ms before the dead centre)"
     return ""
@@ -89,7 +92,7 @@ def _objection_to_fuel(p: PlantParams, fuel_kg: float) -> str:
 def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> PlantState:
     """Light the charge of a side, or say why it does not burn."""
     t_ns = s.pulses.spark_ns[side]
-    fuel = actuation.fuel_until(s.pulses, p.injector, side, t_ns)
+    fuel = actuation.fuel_until(s.pulses, p.injector, side, float(t_ns))
     d, cause = disturbances.take_misfire(s.disturbances)
     eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
     motion, lit = s.motion, s.lit
@@ -100,9 +103,10 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
         events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
     else:
         lit = Charge(fuel, eta)
-    pulses = actuation.scavenge(s.pulses, p.injector, side, t_ns)
-    pulses = replace(pulses, spark_ns=s.pulses.spark_ns)  # this one is known: no charge goes unlit
-    return replace(s, motion=motion, pulses=pulses, disturbances=d, lit=lit)
+    pulses = actuation.scavenge(s.pulses, p.injector, side, float(t_ns))
+    # This spark stays known, so that its charge does not count as unlit.
+    pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns)
+    return s.but(motion=motion, pulses=pulses, disturbances=d, lit=lit)
 
 
 def _objection_to_spark(p: PlantParams, s: PlantState, side: int, fuel: float) -> str:
@@ -112,8 +116,8 @@ def _objection_to_spark(p: PlantParams, s: PlantState, side: int, fuel: float) -
 
 
 def ahead(
-    p: PlantParams, s: PlantState, until_ns: int
-) -> tuple[tuple[float, float], tuple[int, int]]:
+    p: PlantParams, s: PlantState, until_ns: i64
+) -> tuple[tuple[float, float], tuple[i64, i64]]:
     """Return both charges as they will be by then, for an engine that burns them of its own.
 
     A charge out of range is no charge. A forced misfire holds back spark or fuel; a varying
@@ -122,18 +126,19 @@ def ahead(
     d = preview(p, s.disturbances, until_ns)
     pulses = s.pulses
     if pulses.table.next_edge_ns <= until_ns:
-        pulses = actuation.advance(pulses, p.injector, until_ns)
+        pulses = actuation.advance(pulses, p.injector, float(until_ns))
     eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
-    fuels, sparks = [], []
+    fuels, sparks = [0.0, 0.0], pulses.spark_ns
     for side in (LEFT, RIGHT):
-        fuel = actuation.fuel_until(pulses, p.injector, side, until_ns)
-        burns = p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires
-        fuels.append(eta * fuel if burns else 0.0)
-        sparks.append(pulses.spark_ns[side] if burns else -1)
-    return (fuels[LEFT], fuels[RIGHT]), (sparks[LEFT], sparks[RIGHT])
+        fuel = actuation.fuel_until(pulses, p.injector, side, float(until_ns))
+        if p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires:
+            fuels[side] = eta * fuel
+        else:
+            sparks = actuation.with_spark(sparks, side, -1)
+    return (fuels[LEFT], fuels[RIGHT]), sparks
 
 
-def preview(p: PlantParams, d: Disturbances, until_ns: int) -> Disturbances:
+def preview(p: PlantParams, d: Disturbances, until_ns: i64) -> Disturbances:
     """Disturbances as they are at a dead centre before `until_ns`, if one should come."""
     if d.next_edge >= len(p.edges) or p.edges[d.next_edge].at_ns > until_ns:
         return d

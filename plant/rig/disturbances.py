@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.values import Value, replace
 from hil.wire.commands import TimedCommand
 
@@ -25,7 +27,7 @@ class Edge(Value):
 
     __slots__ = ("at_ns", "fraction", "event", "begins")
 
-    def __init__(self, at_ns: int, fraction: float, event: int, begins: bool) -> None:
+    def __init__(self, at_ns: i64, fraction: float, event: int, begins: bool) -> None:
         self.at_ns = at_ns
         self.fraction = fraction
         self.event = event
@@ -115,14 +117,19 @@ def _ns(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
+_NO_EDGES: Final[tuple[Edge, ...]] = ()
+
+
 def start_stroke(
-    edges: tuple[Edge, ...], state: Disturbances, t_ns: int, elapsed_s: float
+    edges: tuple[Edge, ...], state: Disturbances, t_ns: i64, elapsed_s: float
 ) -> tuple[Disturbances, tuple[Edge, ...]]:
     """Count the dues from the new stroke, and take the edges that this stroke is the first for.
 
     Parameters: elapsed_s : float, duration of the stroke that has just ended [s]
     """
     last = state.next_edge
+    if not state.due and (last == len(edges) or edges[last].at_ns > t_ns):
+        return state, _NO_EDGES
     while last < len(edges) and edges[last].at_ns <= t_ns:
         last += 1
     taken = edges[state.next_edge : last]

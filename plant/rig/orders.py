@@ -9,7 +9,7 @@ from hil.values import replace
 from hil.wire import pulses
 from hil.wire.messages import GENERATOR, MACHINE_MODES, MOTOR
 from hil.wire.pulses import PulseOrder
-from plant.engines.machine import Machine, MachineOrder
+from plant.engines.machine import Machine, MachineOrder, same_order
 from plant.rig import actuation, silence
 from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, Event
 from plant.rig.params import PlantParams
@@ -46,7 +46,7 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
         if s.latch:
             return s
     order = command.machine
-    if order is not None and order is not s.machine.order and order != s.machine.order:
+    if order is not None and not same_order(order, s.machine.order):
         s = _reorder(p, s, order, now_ns, events)
     if command.may_fire and not command.pulses:
         return s
@@ -67,8 +67,8 @@ def _lines(
         events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
     after = actuation.with_table(s.pulses, table)
     if not fires:
-        after = actuation.advance(after, p.injector, now_ns)
-    return replace(s, pulses=after)
+        after = actuation.advance(after, p.injector, float(now_ns))
+    return s.but(pulses=after)
 
 
 def _reorder(
@@ -79,7 +79,7 @@ def _reorder(
     if reason:
         events.append(Event(now_ns, ORDER_REFUSED, reason))
         return s
-    return replace(s, machine=obey(p, order, s.disturbances.load_scale))
+    return s.but(machine=obey(p, order, s.disturbances.load_scale))
 
 
 def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.config.plant import PlantConfig, SensorConfig
 from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
@@ -38,7 +40,7 @@ class PlantParams(Value):
         engine: Engine,
         dt_s: float,
         period_ns: int,
-        stale_ticks: int,
+        stale_ticks: i64,
         load_coefficient_n_s_m: float,
         peak_force_n: float,
         spark_window_ns: float,
@@ -51,7 +53,7 @@ class PlantParams(Value):
         names: tuple[str, ...],
         events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...],
-        delay_ticks: int,
+        delay_ticks: i64,
         rearm: bool,
     ) -> None:
         self.engine = engine

@@ -46,7 +46,7 @@ def silent(p: PlantParams, s: PlantState, events: list[Event]) -> tuple[PlantSta
         return s, False
     if s.latch == latch.AT_REST:
         return replace(s, latch=latch.LATCHED), False
-    silent_ms = s.stale * p.period_ns * 1e-6
+    silent_ms = float(s.stale * p.period_ns) * 1e-6
     text = f"no valid command for {silent_ms:g} ms: injectors closed, ignition off, machine braking"
     events.append(Event(s.tick * p.period_ns, SAFE_STATE, text))
     return replace(s, latch=latch.LATCHED), True

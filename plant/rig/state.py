@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64, mypyc_attr
+
 from hil.values import Value
 from hil.wire.pulses import PulseOrder
 from plant.engines.machine import Machine, MachineOrder
@@ -69,6 +71,7 @@ class DeadCentre(Value):
 
 
 @final
+@mypyc_attr(acyclic=True, free_list_len=1)
 class PlantState(Value):
     """The truth at the start of a tick.
 
@@ -86,7 +89,7 @@ class PlantState(Value):
 
     def __init__(
         self,
-        tick: int,
+        tick: i64,
         motion: Motion,
         stroke: Stroke,
         machine: Machine,
@@ -94,8 +97,8 @@ class PlantState(Value):
         disturbances: Disturbances,
         dead_centre: DeadCentre,
         lit: Charge,
-        stale: int,
-        latch: int,
+        stale: i64,
+        latch: i64,
         contacts: int,
         waiting: tuple[Command | None, ...],
     ) -> None:
@@ -111,6 +114,33 @@ class PlantState(Value):
         self.latch = latch
         self.contacts = contacts
         self.waiting = waiting
+
+    def but(
+        self,
+        *,
+        motion: Motion | None = None,
+        stroke: Stroke | None = None,
+        machine: Machine | None = None,
+        pulses: Actuation | None = None,
+        disturbances: Disturbances | None = None,
+        dead_centre: DeadCentre | None = None,
+        lit: Charge | None = None,
+    ) -> PlantState:
+        """The same state with other parts, those that are named."""
+        return PlantState(
+            self.tick,
+            motion or self.motion,
+            stroke or self.stroke,
+            machine or self.machine,
+            pulses or self.pulses,
+            disturbances or self.disturbances,
+            dead_centre or self.dead_centre,
+            lit or self.lit,
+            self.stale,
+            self.latch,
+            self.contacts,
+            self.waiting,
+        )
 
     @property
     def x_m(self) -> float:

@@ -9,10 +9,20 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil.values import replace
+from mypy_extensions import i64
+
+from hil.rounding import nearest
 from hil.wire.messages import VALVES
 from plant.engines.machine import Machine
-from plant.engines.protocol import BY_SPARK, OF_ITS_OWN, Ahead, Inputs, Moved
+from plant.engines.protocol import (
+    AT_DEAD_CENTRE,
+    BY_SPARK,
+    OF_ITS_OWN,
+    Ahead,
+    Inputs,
+    Motion,
+    Moved,
+)
 from plant.rig import actuation, charges, orders
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
@@ -23,7 +33,8 @@ from plant.rig.stroke import act, end_stroke, moved, take_due
 
 _NO_VALVES: Final[tuple[int, ...]] = ()
 _NO_FUEL: Final = (0.0, 0.0)
-_NO_SPARK: Final = (-1, -1)
+_NO_SPARK: Final[tuple[i64, i64]] = (-1, -1)
+_NO_EVENTS: Final[tuple[Event, ...]] = ()
 
 Events = tuple[Event, ...]
 
@@ -41,24 +52,45 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     s = orders.follow(p, s, command, events)
     if s.machine is not before and _differ(s.machine, before):
         s = act(p, s, s.tick * p.period_ns, events)
-    due_s = s.motion.tau_s + p.dt_s
-    if due_s < s.disturbances.due_s and s.pulses.table.next_edge_ns > (s.tick + 1) * p.period_ns:
-        motion = p.engine.coast(s.motion, p.dt_s)
-        if motion is not None:
-            return PlantState(
-                s.tick + 1, motion, s.stroke, s.machine, s.pulses, s.disturbances, s.dead_centre,
-                s.lit, s.stale, s.latch, s.contacts, s.waiting,
-            ), tuple(events)  # fmt: skip
-    return _busy_tick(p, s, events), tuple(events)
+    after = _quiet_tick(p, s)
+    if after is None:
+        after = _busy_tick(p, s, events)
+    return after, tuple(events) if events else _NO_EVENTS
 
 
 def _differ(a: Machine, b: Machine) -> bool:
     return a.load_coefficient_n_s_m != b.load_coefficient_n_s_m or a.force_n != b.force_n
 
 
+def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
+    """Move through a tick in which the motion takes its course; None when it may not.
+
+    The edge of a line is nothing to an engine that looks at its charge at the dead centre.
+    """
+    if s.motion.tau_s + p.dt_s >= s.disturbances.due_s:
+        return None
+    end_ns, pulses = (s.tick + 1) * p.period_ns, s.pulses
+    at_edge = pulses.table.next_edge_ns <= end_ns
+    if at_edge and p.engine.ignition != AT_DEAD_CENTRE:
+        return None
+    motion = p.engine.coast(s.motion, p.dt_s)
+    if motion is None:
+        return None
+    if at_edge:
+        pulses = actuation.advance(pulses, p.injector, float(end_ns))
+    return _at_next_tick(s, motion, pulses)
+
+
+def _at_next_tick(s: PlantState, motion: Motion, pulses: Actuation) -> PlantState:
+    return PlantState(
+        s.tick + 1, motion, s.stroke, s.machine, pulses, s.disturbances, s.dead_centre,
+        s.lit, s.stale, s.latch, s.contacts, s.waiting,
+    )  # fmt: skip
+
+
 def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Move through a tick from one instant of note to the next."""
-    held = Held(s.x_m, s.v_m_s)
+    held = Held(s.motion.x_m, s.motion.v_m_s)
     now_ns = float(s.tick * p.period_ns)
     used_s, part, at_end = 0.0, 0, False
     while not at_end:
@@ -67,8 +99,8 @@ def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
         s = _arrive(p, s, it, held, events)
         now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
     end_ns = (s.tick + 1) * p.period_ns
-    pulses = actuation.advance(s.pulses, p.injector, end_ns)
-    return replace(s, tick=s.tick + 1, pulses=pulses)
+    pulses = actuation.advance(s.pulses, p.injector, float(end_ns))
+    return _at_next_tick(s, s.motion, pulses)
 
 
 def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: int) -> Ahead:
@@ -76,9 +108,9 @@ def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: in
     start_ns = s.tick * p.period_ns
     end_ns = until_ns = start_ns + p.period_ns
     due_s = s.disturbances.due_s
-    due_ns = s.stroke.start_ns + due_s * 1e9
-    if p.engine.splits and now_ns < due_ns < end_ns:
-        until_ns = min(max(round(due_ns), round(now_ns) + 1), end_ns)
+    due_ns = float(s.stroke.start_ns) + due_s * 1e9
+    if p.engine.splits and now_ns < due_ns < float(end_ns):
+        until_ns = min(max(nearest(due_ns), nearest(now_ns) + 1), end_ns)
     return Ahead(
         start_ns=start_ns, end_ns=end_ns, dt_s=p.dt_s, now_ns=now_ns, used_s=used_s,
         until_ns=until_ns, edge_ns=s.pulses.table.next_edge_ns, due_s=due_s, due_ns=due_ns,
@@ -109,20 +141,20 @@ def _arrive(
 ) -> PlantState:
     """Do what there is to be done where the engine has come to."""
     if it.stop is not None:
-        return end_stroke(p, s, it.motion, it.stop, round(it.t_ns), held, events)
-    s = moved(p, s, it.motion, round(it.t_ns), events)
+        return end_stroke(p, s, it.motion, it.stop, nearest(it.t_ns), held, events)
+    s = moved(p, s, it.motion, nearest(it.t_ns), events)
     if it.at_edge:
         s = _pass_edge(p, s, events)
     if it.at_due:
-        s = take_due(p, s, round(it.t_ns), held, events)
+        s = take_due(p, s, nearest(it.t_ns), held, events)
     return s
 
 
 def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Let the lines change their levels; a spark lights its charge at once."""
     before = s.pulses.spark_ns
-    pulses = actuation.advance(s.pulses, p.injector, s.pulses.table.next_edge_ns)
-    s = replace(s, pulses=pulses)
+    pulses = actuation.advance(s.pulses, p.injector, float(s.pulses.table.next_edge_ns))
+    s = s.but(pulses=pulses)
     for side in (charges.LEFT, charges.RIGHT):
         if pulses.spark_ns[side] > before[side]:
             s = charges.spark(p, s, side, events)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from mypy_extensions import i64
+
+from hil.rounding import nearest
 from hil.values import replace
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Motion, Stop
 from plant.rig import charges, disturbances
@@ -18,7 +21,7 @@ def end_stroke(
     s: PlantState,
     motion: Motion,
     stop: Stop,
-    now_ns: int,
+    now_ns: i64,
     held: Held,
     events: list[Event],
 ) -> PlantState:
@@ -26,12 +29,14 @@ def end_stroke(
 
     Parameters: motion, now_ns : where the engine stands, which may be past the stop
     """
-    dc_ns = round(stop.t_ns)
+    dc_ns = nearest(stop.t_ns)
     side = RIGHT if s.stroke.direction > 0 else LEFT
-    touch = Event(dc_ns, CONTACT, f"piston against the {SIDES[side]} head")
-    events.extend([touch] * stop.contacts)
+    if stop.contacts:
+        touch = Event(dc_ns, CONTACT, f"piston against the {SIDES[side]} head")
+        events.extend([touch] * stop.contacts)
+        s = replace(s, contacts=s.contacts + stop.contacts)
     d, taken = disturbances.start_stroke(p.edges, s.disturbances, dc_ns, stop.lasted_s)
-    s = replace(s, disturbances=d, contacts=s.contacts + stop.contacts)
+    s = s.but(disturbances=d)
     if p.engine.ignition != BY_SPARK:
         s = begin_at_once(p, s, taken, dc_ns, held, events)
     number = s.dead_centre.number + stop.times
@@ -42,18 +47,17 @@ def end_stroke(
 
 
 def next_stroke(
-    s: PlantState, number: int, direction: int, dc_ns: int, x_m: float, charge: Charge
+    s: PlantState, number: i64, direction: int, dc_ns: i64, x_m: float, charge: Charge
 ) -> PlantState:
     """Enter a dead centre with what burns, or has burnt, at it."""
-    return replace(
-        s,
+    return s.but(
         stroke=Stroke(number, direction, dc_ns, x_m, charge),
         dead_centre=DeadCentre(number, dc_ns, x_m, charge.fuel_kg, charge.efficiency),
     )
 
 
 def moved(
-    p: PlantParams, s: PlantState, motion: Motion, t_ns: int, events: list[Event]
+    p: PlantParams, s: PlantState, motion: Motion, t_ns: i64, events: list[Event]
 ) -> PlantState:
     """Put a motion in the place of the one before; say when the piston sets off or rests."""
     before = s.motion
@@ -63,16 +67,16 @@ def moved(
         else:
             events.append(Event(t_ns, AT_REST, f"piston at rest at {motion.x_m * 1e3:.3f} mm"))
     stroke = s.stroke
-    if motion.heading not in (0, stroke.direction):
+    if motion.heading and motion.heading != stroke.direction:
         stroke = replace(stroke, direction=motion.heading)
-    return replace(s, motion=motion, stroke=stroke)
+    return s.but(motion=motion, stroke=stroke)
 
 
 def begin_at_once(
     p: PlantParams,
     s: PlantState,
     taken: tuple[Edge, ...],
-    t_ns: int,
+    t_ns: i64,
     held: Held,
     events: list[Event],
 ) -> PlantState:
@@ -84,19 +88,21 @@ def begin_at_once(
 
 
 def expect(
-    p: PlantParams, s: PlantState, taken: tuple[Edge, ...], now_ns: int, lasted_s: float
+    p: PlantParams, s: PlantState, taken: tuple[Edge, ...], now_ns: i64, lasted_s: float
 ) -> PlantState:
     """Enter the edges that act later in the stroke that has just begun.
 
     Parameters: lasted_s : duration of the stroke before, for engines that cannot tell this one's
     """
+    if not taken:
+        return s
     at_once = p.engine.ignition != BY_SPARK
     later = [edge for edge in taken if edge.fraction > 0.0 or not at_once]
     if not later:
         return s
     begun_ns = s.stroke.start_ns
     duration = p.engine.stroke_s(s.motion, s.machine, now_ns, begun_ns) or lasted_s
-    return replace(s, disturbances=put(s.disturbances, later, duration))
+    return s.but(disturbances=put(s.disturbances, later, duration))
 
 
 def put(
@@ -109,26 +115,26 @@ def put(
 
 
 def apply_due(
-    p: PlantParams, s: PlantState, due: Due, t_ns: int, held: Held, events: list[Event]
+    p: PlantParams, s: PlantState, due: Due, t_ns: i64, held: Held, events: list[Event]
 ) -> PlantState:
     """Begin or end a disturbance now; a changed load takes effect through `act`."""
     d = disturbances.apply(p.events, s.disturbances, due, held)
     what = "begins" if due.begins else "ends"
     kind = p.events[due.event].kind
     events.append(Event(t_ns, DISTURBANCE, f"{p.names[due.event]} ({kind}) {what}"))
-    return replace(s, disturbances=d, machine=obey(p, s.machine.order, d.load_scale))
+    return s.but(disturbances=d, machine=obey(p, s.machine.order, d.load_scale))
 
 
 def take_due(
-    p: PlantParams, s: PlantState, t_ns: int, held: Held, events: list[Event]
+    p: PlantParams, s: PlantState, t_ns: i64, held: Held, events: list[Event]
 ) -> PlantState:
     """Apply the disturbance that is due here."""
     d, due = disturbances.pop(s.disturbances)
-    s = apply_due(p, replace(s, disturbances=d), due, t_ns, held, events)
+    s = apply_due(p, s.but(disturbances=d), due, t_ns, held, events)
     return act(p, s, t_ns, events)
 
 
-def act(p: PlantParams, s: PlantState, t_ns: int, events: list[Event]) -> PlantState:
+def act(p: PlantParams, s: PlantState, t_ns: i64, events: list[Event]) -> PlantState:
     """Let a changed machine act from here on; a piston that it sets off begins a stroke."""
     motion = p.engine.follow(s.motion, s.machine)
     if motion is s.motion:
@@ -139,7 +145,7 @@ def act(p: PlantParams, s: PlantState, t_ns: int, events: list[Event]) -> PlantS
         return s
     d, taken = disturbances.start_stroke(p.edges, s.disturbances, t_ns, rested_s)
     stroke = Stroke(s.dead_centre.number, s.stroke.direction, t_ns, s.x_m, NO_CHARGE)
-    s = replace(s, stroke=stroke, disturbances=d)
+    s = s.but(stroke=stroke, disturbances=d)
     s = begin_at_once(p, s, taken, t_ns, Held(s.x_m, s.v_m_s), events)
     s = moved(p, s, p.engine.follow(s.motion, s.machine), t_ns, events)
     return expect(p, s, taken, t_ns, 0.0)

@@ -185,3 +185,21 @@ def config():
 def socket_config(sockets):
     """A link on two unix sockets."""
     return zenoh_config(unix_endpoints(sockets))
+
+
+@pytest.fixture
+def ticks():
+    """The ticks of a run."""
+    return RealTicks()
+
+
+@pytest.fixture
+def strangers(sockets, monkeypatch):
+    """Makes configurations of nodes on one bus whose sessions do not know each other."""
+    monkeypatch.setenv(DIRECTORY_VARIABLE, str(sockets / "can"))
+    channel = f"m{next(_numbers)}"
+
+    def node():
+        return zenoh_config(unix_endpoints(sockets), kind="can", bus=f"zenoh:{channel}")
+
+    return node

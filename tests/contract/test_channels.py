@@ -4,15 +4,17 @@ import asyncio
 import contextlib
 import json
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import zenoh
 
-from drivers.channels import MemoryCommands, MemoryStatus, origin_text
+from drivers.channels import STOP, MemoryCommands, MemoryStatus, origin_text
 from drivers.links import open_link, open_operator
 from drivers.zenoh.config import session_config
 from hil.config.process import LinkConfig, LoopConfig
 from hil.errors import ConfigError, LinkError
+from hil.wire.answers import MAX_WAITING
 from hil.wire.commands import MAX_BYTES
 
 LOCKSTEP = LoopConfig(clock="lockstep")
@@ -59,6 +61,88 @@ def test_frames_and_commands_do_not_mix(bench):
     assert controller.link.wait(2_000_000_000) == b"x" * 10
     assert json.loads(eventually(controller.commands.poll)[1]) == {"kind": "stop"}
     assert plant.link.receive() is None
+
+
+def asked(operator, command, to="controller"):
+    """A question under way, and what is answered."""
+    pool = ThreadPoolExecutor(1)
+    return pool.submit(operator.ask, command, to, 2.0)
+
+
+def test_a_command_is_answered_by_its_addressee_to_the_one_who_asked(bench):
+    plant, controller, operator = bench
+    answer = asked(operator, {"kind": "set-point", "tdc_ref_m": 0.0155})
+    for process in (plant, controller):
+        origin, raw = eventually(process.commands.poll)
+        assert json.loads(raw)["kind"] == "set-point"
+        assert origin.startswith("hil run, process ")
+    controller.commands.answer(False, 17, "accepted up to 0.015")
+    controller.commands.answer(True, 18, "nobody asked twice")
+    assert answer.result(3.0) == ("controller", False, 17, "accepted up to 0.015")
+
+
+def test_what_nobody_answers_is_told(bench):
+    _, controller, operator = bench
+    answer = asked(operator, {"kind": "start"})
+    eventually(controller.commands.poll)
+    with pytest.raises(LinkError, match="the controller did not answer start within 2 s"):
+        answer.result(4.0)
+
+
+def test_a_stop_is_before_everything_that_waits(bench):
+    _, controller, operator = bench
+    for number in range(3 * MAX_WAITING):
+        operator.send_command({"kind": "law", "law": f"law-{number}"})
+    eventually(controller.commands.poll)
+    answer = asked(operator, {"kind": "stop"})
+    deadline = time.monotonic() + 2.0
+    polls = 0
+    while (received := controller.commands.poll()) is None or received[1] != STOP:
+        polls += received is not None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert polls < MAX_WAITING / 2
+    controller.commands.answer(True, 5, "stopping")
+    assert answer.result(3.0).taken
+
+
+def test_a_stop_that_is_put_on_the_command_key_is_before_what_waits_there(bench):
+    _, controller, operator = bench
+    for number in range(40):
+        operator.send_command({"kind": "law", "law": f"law-{number}"})
+    operator.send_command({"kind": "stop"})
+    time.sleep(0.3)
+    taken = [controller.commands.poll()[1] for _ in range(6)]
+    assert b'{"kind": "stop"}' in taken
+
+
+def test_commands_that_find_no_room_are_refused_and_told_as_an_event(bench):
+    _, controller, operator = bench
+    for _ in range(12):  # a loop that takes one at a look
+        for number in range(MAX_WAITING // 2):
+            operator.send_command({"kind": "law", "law": f"law-{number}"})
+        time.sleep(0.05)
+        controller.commands.poll()
+        controller.commands.poll()
+    codes = dict(controller.link.notices())
+    assert "64 commands wait already" in codes["command-flood"]
+
+
+@pytest.mark.parametrize(
+    "name", ["frames/plant", "status/plant", "command"]
+)  # fmt: skip
+def test_what_is_too_long_does_not_reach_the_memory_of_a_process(bench, name):
+    _, controller, operator = bench
+    tree = session_config("bench", operator._node.config, lockstep=True)
+    del tree["low_pass_filter"]
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
+        time.sleep(0.5)
+        for size in (20_000, 60_000):
+            session.put(f"hil/contract/{name}", bytes(size))
+        time.sleep(0.5)
+    assert controller.link.receive() is None
+    assert controller.commands.poll() is None
+    assert operator.poll_status() is None
 
 
 def test_an_oversized_command_is_cut_so_that_it_cannot_be_parsed(bench):

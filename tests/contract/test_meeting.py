@@ -2,14 +2,13 @@
 
 import contextlib
 import os
-import threading
-import time
 
 import pytest
+from meetings import eventually, refusals
 
 from drivers.links import open_link
 from hil.config.process import LoopConfig
-from hil.errors import ConfigError, LinkError
+from hil.errors import LinkError
 from hil.wire.terms import DECLARED
 
 REAL_TIME = LoopConfig()
@@ -33,28 +32,6 @@ def opened(side, config, terms=TERMS):
         yield connection
     finally:
         connection.close()
-
-
-def refusals(plant, controller, timeout_s=3.0):
-    """What each side is told when both wait for each other at the same time."""
-    told = {}
-
-    def wait(side, connection):
-        try:
-            connection.link.wait_for_peer(timeout_s)
-        except (ConfigError, LinkError) as error:
-            told[side] = error
-            connection.close()
-
-    threads = [
-        threading.Thread(target=wait, args=pair)
-        for pair in (("plant", plant), ("controller", controller))
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return told
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -100,14 +77,6 @@ def test_the_engine_of_somebody_else_is_named(socket_config):
     assert "the plant there is of engine 'contract'" in str(found["controller"])
 
 
-def eventually(poll, seconds=3.0):
-    end = time.monotonic() + seconds
-    while not (found := poll()):
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    return found
-
-
 def told_by(connection):
     """What a connection has noticed, looked for as the loop does with each status."""
     connection.status.publish({"tick": 1})
@@ -142,6 +111,56 @@ def test_a_second_controller_elsewhere_is_refused_by_name(socket_config, name):
             with pytest.raises(LinkError, match=line):
                 late.link.wait_for_peer(3.0)
             assert list(eventually(lambda: told_by(plant))) == ["second-controller"]
+
+
+def test_on_a_bus_those_that_fit_meet_by_their_frames(strangers):
+    with opened("plant", strangers()) as plant, opened("controller", strangers()) as controller:
+        assert refusals(plant, controller) == {}
+        assert told_by(plant) == told_by(controller) == {}
+
+
+@pytest.mark.parametrize("order", [("plant", "controller"), ("controller", "plant")])
+def test_on_a_bus_both_say_what_differs(strangers, order):
+    theirs = with_term("plant.prototype", "bit")
+    with contextlib.ExitStack() as stack:
+        ends = {}
+        for side in order:
+            terms = TERMS if side == "plant" else theirs
+            ends[side] = stack.enter_context(opened(side, strangers(), terms))
+        found = refusals(ends["plant"], ends["controller"])
+    assert str(found["plant"]) == (
+        "plant and controller do not fit: plant.prototype = nu here, bit there"
+    )
+    assert str(found["controller"]) == (
+        "controller and plant do not fit: plant.prototype = bit here, nu there"
+    )
+
+
+def test_on_a_bus_a_controller_that_tells_no_terms_is_taken_and_told(strangers):
+    with (
+        opened("plant", strangers()) as plant,
+        opened("controller", strangers(), None) as controller,
+    ):
+        assert refusals(plant, controller) == {}
+        assert list(told_by(plant)) == ["peer-without-terms"]
+
+
+@pytest.mark.parametrize("side", ["plant", "controller"])
+def test_on_a_bus_a_second_one_is_refused_and_told(strangers, ticks, side):
+    with opened("plant", strangers()) as plant, opened("controller", strangers()) as controller:
+        assert refusals(plant, controller) == {}
+        first = plant if side == "plant" else controller
+        with opened(side, strangers()) as late:
+            first.link.send(ticks.batch(side, 0))
+            with pytest.raises(LinkError, match=f"a {side} is there already on zenoh:m"):
+                late.link.wait_for_peer(3.0)
+            late.link.send(ticks.batch(side, 0))  # one that waits for nobody
+
+            def noticed():
+                first.link.receive()
+                return told_by(first)
+
+            assert list(eventually(noticed)) == [f"second-{side}"]
 
 
 def test_another_controller_is_taken_when_the_first_has_gone(socket_config):

@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from drivers.gpio.process import EdgeDriver
+from drivers.recorder.client import NullRecorder
+from hil import ports
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.config.ranges import stale_ticks
@@ -93,8 +95,8 @@ def encoded(answers, encoder):
     return batches
 
 
-class Port:
-    """The link, the recorder and the status of a plant that is watched from inside."""
+class Port(ports.Link):
+    """The link of a plant that is watched from inside."""
 
     def __init__(self):
         self.inbox = deque()
@@ -108,14 +110,13 @@ class Port:
     def peer_alive(self):
         return True
 
-    def put(self, _data):
-        pass
 
+class Unseen(ports.StatusSink):
     def publish(self, _status):
         pass
 
 
-class Clock:
+class Clock(ports.Clock):
     """Time passes by sleeping only."""
 
     t_ns = 0
@@ -146,7 +147,8 @@ def of_the_plant(batches, ticks, decoder=None):
     port, waiting = Port(), deque(batches)
     pacer = RealTimePacer(Clock(), PERIOD_NS)
     loop = PlantLoop(
-        params, state, link=port, pacer=pacer, recorder=port, status=port, status_every=1000
+        params, state, link=port, pacer=pacer, recorder=NullRecorder(), status=Unseen(),
+        status_every=1000,
     )  # fmt: skip
     loop.answers.decoder = decoder or loop.answers.decoder
     with pytest.MonkeyPatch.context() as patch:

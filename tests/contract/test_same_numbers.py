@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from bench.run.resolve import resolve
-from drivers.recorder.client import wait_finished
+from drivers.recorder.output import wait_finished
 from hil.config.load import build
 
 DEADLINE_S = 60.0

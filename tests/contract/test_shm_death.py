@@ -145,7 +145,8 @@ from hil.config.process import LinkConfig, LoopConfig
 def both():
     config = LinkConfig.model_validate_json(sys.argv[1])
     pair = [open_link(side, config, LoopConfig()) for side in ("plant", "controller")]
-    pair[1].link.wait_for_peer(10.0)
+    for connection in pair:
+        connection.link.wait_for_peer(10.0)
     with open("/dev/shm/somebody-elses", "wb", buffering=0) as file:
         try:
             while True:

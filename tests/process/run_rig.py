@@ -13,10 +13,10 @@ PATIENCE_S = 40.0
 """On a machine that runs other tests meanwhile."""
 
 
-def start(out, *arguments, scenario="steady", **options):
+def start(out, *arguments, scenario="steady", duration_s=60.0, **options):
     """Start a long run and wait until both its logs are being written."""
     command = [*HIL, "run", scenario, *arguments, "--no-report", "--out", str(out)]
-    command += ["--set", "run.duration_s=60"]
+    command += ["--set", f"run.duration_s={duration_s}"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
     process = subprocess.Popen(command, start_new_session=True, **options)
     logs = [out / "plant.mcap", out / "controller.mcap"]

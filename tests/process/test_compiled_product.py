@@ -78,7 +78,9 @@ ROWS = {
         for link in ("zenoh", "shm")
     ],
     "bench rate": [Row("--lowest 100 --highest 200 --seconds 0.5", TIMED)],
+    "bench lockstep": [Row("--seconds 1", TIMED)],
     "bench step": [Row("--ticks 200", TIMED)],
+    "bench recorder": [Row("--ticks 10000", TIMED)],
     "bench soak": [Row("--minutes 0.1 --rate 200 --out soak", TIMED)],
     "bus list": [Row("", TIMED)],
     "bus load": [Row("run")],

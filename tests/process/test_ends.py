@@ -12,7 +12,7 @@ import pytest
 from run_rig import HIL, children_of, ended, family, start, wait_gone, wait_until
 
 import hil.log
-from drivers.recorder.client import wait_finished
+from drivers.recorder.output import wait_finished
 
 LINKS = [
     "zenoh",

@@ -15,7 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from bench.run.resolve import resolve
 from drivers.links import open_operator
-from drivers.recorder.client import wait_finished
+from drivers.recorder.output import wait_finished
 from hil.config.load import build
 
 DEADLINE_S = 40.0

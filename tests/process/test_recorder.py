@@ -16,9 +16,12 @@ from mcap.records import Channel, Schema
 from mcap.stream_reader import StreamReader
 
 import hil.log
-from drivers.recorder import ring
-from drivers.recorder.client import NullRecorder, Recorder, wait_finished
-from drivers.recorder.mcap_file import McapFile, index_messages
+from bench.logs.repair import repair
+from drivers.recorder import ring, room
+from drivers.recorder.client import NullRecorder, Recorder
+from drivers.recorder.index import index_messages
+from drivers.recorder.mcap_file import McapFile
+from drivers.recorder.output import wait_finished
 from hil.errors import ConfigError, RunError
 from hil.log.topics import (
     ACTUATOR,
@@ -207,6 +210,101 @@ def test_a_full_ring_drops_whole_ticks_and_the_log_says_so(tmp_path):
         assert log.metadata["recorder"]["dropped"] == str(100 - kept)
     assert (event.code, event.tick) == ("log-dropped", kept - 1)
     assert event.text.startswith(f"{100 - kept} ticks are missing")
+
+
+def test_a_log_whose_last_ticks_are_missing_says_so_in_one_line(tmp_path):
+    path = tmp_path / "plant.mcap"
+    recorder = Recorder.open(path, {}, blocking=False, ring_bytes=ring.PAGE)
+    stopped(recorder)
+    for k in range(100):
+        recorder.put(tick_records(k))
+    os.kill(recorder.pid, signal.SIGCONT)
+    recorder.close()
+    with pytest.raises(RunError) as told:
+        recorder.raise_if_cut()
+    size = len(tick_records(0))
+    kept = ring.PAGE // size
+    assert str(told.value) == (
+        f"log {path} ends early: {100 - kept} ticks ({(100 - kept) * size / 1e6:.1f} MB) from"
+        f" {kept * 1e-3:.3f} to 0.099 s found no room: the recorder was too slow; the last record"
+        f" is of {(kept - 1) * 1e-3:.3f} s, and the ring of 0.0 MB was at most"
+        f" {kept * size / ring.PAGE:.0%} full"
+    )
+    with hil.log.open(path) as log:
+        assert log.metadata["recorder"]["missing"] in str(told.value)
+        assert log.metadata["recorder"]["dropped_bytes"] == str((100 - kept) * size)
+
+
+def test_a_gap_in_the_middle_is_told_where_it_is_and_ends_no_run(tmp_path):
+    path = tmp_path / "plant.mcap"
+    recorder = Recorder.open(path, {}, blocking=False, ring_bytes=ring.PAGE)
+    stopped(recorder)
+    for k in range(10):
+        recorder.put(tick_records(k))
+    os.kill(recorder.pid, signal.SIGCONT)
+    while recorder._producer.waiting:
+        time.sleep(0.001)
+    time.sleep(0.1)  # the recorder has looked again
+    for k in range(10, 14):
+        recorder.put(tick_records(k))
+    recorder.close()
+    recorder.raise_if_cut()
+    with hil.log.open(path) as log:
+        (event,) = log.records("/event")
+        ticks = log.array("/sensor")["tick"]
+    assert event.tick == ring.PAGE // len(tick_records(0)) - 1
+    assert list(ticks) == [*range(event.tick + 1), *range(10, 14)]
+
+
+def test_a_killed_recorder_leaves_what_was_put_a_tenth_of_a_second_before(tmp_path):
+    path = tmp_path / "plant.mcap"
+    recorder = Recorder.open(path, {}, blocking=False)
+    while not path.stat().st_size:
+        time.sleep(0.001)
+    put = []
+    for k in range(300):
+        put.append(time.monotonic())
+        recorder.put(tick_records(k))
+        time.sleep(0.001)
+    killed = time.monotonic()
+    os.kill(recorder.pid, signal.SIGKILL)
+    with pytest.raises(RunError):
+        recorder.close()
+    with hil.log.open(repair(path).out) as log:
+        kept = len(log.array("/sensor"))
+    assert put[kept] > killed - 0.2, "a tenth on a quiet machine"
+
+
+def test_a_deferred_log_is_written_at_the_end_or_when_its_ring_fills_up(tmp_path):
+    path = tmp_path / "plant.mcap"
+    recorder = Recorder.open(path, {}, blocking=False, ring_bytes=64 * ring.PAGE, deferred=True)
+    while not path.stat().st_size:
+        time.sleep(0.001)
+    head = path.stat().st_size
+    ticks = 32 * ring.PAGE // len(tick_records(0))
+    for k in range(ticks):
+        recorder.put(tick_records(k))
+    time.sleep(0.2)
+    assert path.stat().st_size == head
+    for k in range(ticks, 2 * ticks):
+        recorder.put(tick_records(k))
+    deadline = time.monotonic() + 5.0
+    while path.stat().st_size == head and time.monotonic() < deadline:
+        time.sleep(0.001)
+    assert path.stat().st_size > head
+    assert recorder.close() == (2 * ticks * RECORDS_A_TICK, 0)
+
+
+def test_the_ring_holds_ten_seconds_or_the_run_as_far_as_memory_goes(monkeypatch):
+    monkeypatch.setattr(room, "available_bytes", lambda: 1 << 40)
+    assert room.ring_bytes(1000, 3600.0) == 8 << 20
+    assert room.ring_bytes(20_000, 3600.0) == 256 << 20
+    assert room.ring_bytes(20_000, 2.0) == 32 << 20
+    assert room.deferred_ring_bytes(20_000, 60.0) == 1 << 30
+    monkeypatch.setattr(room, "available_bytes", lambda: 1 << 30)
+    assert room.ring_bytes(20_000, 3600.0) == 128 << 20
+    with pytest.raises(ConfigError, match="take 2 x 1024 MiB of memory, 1024 MiB are available"):
+        room.deferred_ring_bytes(20_000, 60.0)
 
 
 def test_a_blocking_recorder_waits_for_a_slow_disk(tmp_path):

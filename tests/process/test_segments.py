@@ -13,7 +13,8 @@ from test_recorder import RECORDS_A_TICK, tick_records
 import hil.log
 from bench.run import scenarios
 from bench.run.commands import log_flags
-from drivers.recorder.client import Recorder, Rotation, wait_finished
+from drivers.recorder.client import Recorder, Rotation
+from drivers.recorder.output import wait_finished
 from drivers.system.process import rotation_of
 from hil.errors import ConfigError, LogError, RunError
 from hil.log.segments import segment_path, segments_before

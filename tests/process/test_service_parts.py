@@ -19,7 +19,8 @@ import hil.log
 from controller.duty import RESUME_TRIES, DutyCommands, Resumption
 from controller.mode.start_restart import Mode
 from drivers.channels import MemoryCommands
-from drivers.recorder.client import Recorder, wait_finished
+from drivers.recorder.client import Recorder
+from drivers.recorder.output import wait_finished
 from drivers.system.keepsake import SIZE, Keepsake
 from drivers.system.notify import Notifier
 from drivers.system.service import KEPT_LOGS, Heart, log_file

@@ -149,3 +149,91 @@ def test_a_directory_that_a_stranger_has_made_is_refused_by_both_sides(
         assert f"{engine}: belongs to user {NOBODY}" in errors
     told = bench.hil("status")
     assert (told.returncode, len(told.stderr.splitlines())) == (2, 1)
+
+
+RUNNING = BASE.replace("running = false", "running = true")
+
+FLOOD = """
+import json, sys, time
+import zenoh
+from drivers.zenoh.config import session_config
+from drivers.zenoh.sockets import placed
+from hil.config.process import ZenohConfig
+tree = session_config("bench", placed(ZenohConfig(), "bench"), lockstep=False)
+session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
+key, size = sys.argv[1], int(sys.argv[2])
+publisher = session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+while not publisher.matching_status.matching:
+    time.sleep(0.01)
+print("there", flush=True)
+end = time.monotonic() + float(sys.argv[3])
+while time.monotonic() < end:
+    publisher.put(b'{"kind": "law", "law": "cascade"}' if size == 0 else bytes(size))
+    if size > 1 << 20:
+        break
+time.sleep(1.0)
+session.close()
+"""
+
+
+def flood(bench: Bench, key: str, size: int, duration_s: float) -> subprocess.Popen[str]:
+    """Put messages on a key as fast as they go, from another process."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", FLOOD, key, str(size), str(duration_s)],
+        env=bench.environment, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    bench.started.append(process)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "there\n"
+    return process
+
+
+@pytest.mark.slow
+def test_a_command_is_answered_with_its_tick_or_with_the_reason(bench: Bench) -> None:
+    bench.pair()
+    told = bench.hil("set", "tdc_ref_m=0.0152")
+    assert told.returncode == 0, told.stderr
+    assert "controller: mode off, set point 15.200 mm; taken at tick " in told.stdout
+    told = bench.hil("set", "tdc_ref_m=0.03")
+    assert (told.returncode, told.stdout) == (4, "")
+    assert told.stderr.startswith("controller refused set-point: tdc_ref_m=0.03 from hil, process ")
+    assert "accepted up to 0.0" in told.stderr
+    assert len(told.stderr.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_no_flood_drowns_a_stop(bench: Bench) -> None:
+    bench.pair(RUNNING)
+    floods = [flood(bench, f"hil/fpeg/{key}", 0, 12.0) for key in ("command", "command")]
+    for _ in range(2):
+        told = bench.hil("stop")
+        assert told.returncode == 0, told.stderr
+        assert "taken at tick" in told.stdout
+        told = bench.hil("start")  # behind the flood, or refused for want of room: never lost
+        assert told.returncode in {0, 3, 4}
+        assert told.stdout or len(told.stderr.splitlines()) == 1
+    told = bench.hil("stop")
+    assert told.returncode == 0, told.stderr
+    for process in floods:
+        process.communicate(timeout=WAIT_S)
+    status = bench.hil("status", "--json")
+    assert '"mode": "off"' in status.stdout or '"mode": "stopping"' in status.stdout
+    assert [process.poll() for process in bench.started[:2]] == [None, None]
+
+
+def grown_kib(pid: int) -> int:
+    """The most memory that a process has had [KiB]."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["frames/controller", "frames/plant", "command"])
+def test_a_message_of_100_mb_takes_no_memory(bench: Bench, key: str) -> None:
+    bench.pair()
+    before = [grown_kib(process.pid) for process in bench.started[:2]]
+    flood(bench, f"hil/fpeg/{key}", 100_000_000, 1.0).communicate(timeout=WAIT_S)
+    for process, most in zip(bench.started[:2], before, strict=True):
+        assert process.poll() is None
+        assert grown_kib(process.pid) - most < 20_000
+    assert bench.hil("status").returncode == 0

@@ -14,6 +14,7 @@ from drivers.can.assembly import Assembler
 from drivers.channels import MemoryCommands, MemoryStatus
 from drivers.links import Connection
 from drivers.recorder.client import NullRecorder
+from hil import ports
 from hil.wire.codec import pack_frame
 from plant.build import make_loop as make_plant
 
@@ -31,7 +32,7 @@ def test_random_frames_pass_the_crc_as_rarely_as_theory_has_it(frames):
     assert fuzz("mutated", frames // 2).acted_on > 0
 
 
-class Link:
+class Link(ports.Link):
     """Sends into the void; gives what it was loaded with."""
 
     def __init__(self):

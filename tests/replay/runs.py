@@ -6,7 +6,8 @@ import hil.log
 from bench.dev import golden
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from drivers.recorder.mcap_file import McapFile, index_messages
+from drivers.recorder.index import index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil.log import topics
 
 LOCKSTEP = [("link.kind", "memory"), ("loop.clock", "lockstep")]

@@ -8,6 +8,7 @@ from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
 from bench.dev import golden
+from bench.logs.commands import info as info_command
 from bench.logs.commands import replay as replay_command
 from bench.logs.replay import differences
 from bench.logs.replay.replay import replay_file
@@ -19,7 +20,9 @@ from drivers import links
 from drivers.recorder.client import Recorder
 from hil.errors import ConfigError, LogError
 from hil.log import Span, topics
-from hil.log.records import Layout
+from hil.log.coding import of_layout
+from hil.log.records import FORMAT, Layout
+from hil.ports import CommandSource
 from hil.values import replace
 from plant.engines.fast import linear
 
@@ -200,6 +203,19 @@ def test_a_log_without_its_configuration_is_refused(run_directory, tmp_path):
         replayed(bare)
 
 
+def test_a_log_of_an_older_format_is_named_read_and_not_replayed(run_directory, tmp_path, capsys):
+    older = tmp_path / "controller.mcap"
+    data = (run_directory / "controller.mcap").read_bytes()
+    own, old = f"fpeg-hil log {FORMAT}".encode(), f"fpeg-hil log {FORMAT - 1}".encode()
+    older.write_bytes(data.replace(own, old, 1))
+    with pytest.raises(LogError, match=f"it is of log format {FORMAT - 1}; this version replays"):
+        replay_file(older, None, ALWAYS)
+    assert info_command(older, verify=False) == 0
+    assert f"format    {FORMAT - 1}, older than today's" in capsys.readouterr().out
+    with hil.log.open(older) as log:
+        assert len(log.array("/timing")) > 0
+
+
 def test_a_log_that_does_not_say_whose_it_is_is_refused(run_directory, tmp_path):
     path = run_directory / "plant.mcap"
     bare = rewrite(path, tmp_path / "bare.mcap", records_of(path), metadata={})
@@ -270,7 +286,7 @@ def test_a_log_without_any_input_is_refused(run_directory, tmp_path):
 def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, monkeypatch):
     today = differences._TODAY["/truth"]
     fields = (*today.fields, today.fields[-1]._replace(name="extra"))
-    newer = today._replace(fields=fields, layout=Layout(fields))
+    newer = today._replace(coding=of_layout(Layout(fields)))
     monkeypatch.setitem(differences._TODAY, "/truth", newer)
     with hil.log.open(run_directory / "plant.mcap") as log:
         records = differences.Records(log)
@@ -281,7 +297,7 @@ def test_a_field_that_only_one_side_has_is_told_and_not_compared(run_directory, 
 ORDERED = b'{"kind": "load-scale", "value": 0.95, "until_s": 0.45}'
 
 
-class OnceOrdered:
+class OnceOrdered(CommandSource):
     """A command key on which one fault comes, at the third look."""
 
     def __init__(self):
@@ -290,6 +306,9 @@ class OnceOrdered:
     def poll(self):
         self.looks += 1
         return ("desk", ORDERED) if self.looks == 3 else None
+
+    def answer(self, *_told):
+        pass
 
 
 @pytest.fixture

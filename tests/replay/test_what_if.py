@@ -127,7 +127,8 @@ TOLD_ONLY = {"_late_max_ns", "_finished"}  # goes into the status and nowhere el
 CODEC = {"_encoder", "decoder"}
 PARTS = {"reception", "answers"}  # which remember by themselves
 CONSTANT = {
-    "params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap", "_period_ns",
+    "_age", "params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap",
+    "_period_ns",
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from bench.judge.response import response as response_of
 from bench.judge.strokes import Strokes, set_point_at
 from bench.judge.summary import summarise, summarise_fault, write
 from bench.judge.verdict import judge
+from bench.run import commands
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
@@ -244,3 +245,15 @@ def test_histogram_quantiles_are_those_of_the_values_to_a_bin(times_ns):
 def test_dead_centres_that_do_not_move_on_are_not_counted_again(tmp_path):
     scenario, files = make_run(tmp_path, Made([Centre(0, -0.0155), Centre(25_000_000, 0.0155)]))
     assert len(read_run(scenario, files).strokes.t_ns) == 1
+
+
+def test_a_log_that_is_not_whole_is_in_the_summary_with_what_its_recorder_saw(response):
+    missing = {"end": "closed", "missing": "9 ticks found no room", "dropped": "9"}
+    cut = response._replace(recorders={"plant": missing})
+    assert summarise(cut, {})["run"]["recorders"] == {"plant": missing}
+    assert "recorders" not in summarise(response, {})["run"]
+    longer = response.scenario.model_copy(
+        update={"run": response.scenario.run.model_copy(update={"duration_s": 2.0})}
+    )
+    told = commands._cut_short(cut._replace(scenario=longer))
+    assert told["error"] == ("the plant's log lacks 1000 of 2000 ticks: 9 ticks found no room")

@@ -6,7 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from bench.measure import cyclictest
+from bench.logs.replay import speed
+from bench.measure import cyclictest, step_cost
 from bench.measure.highest_rate import Trial, highest, line
 from bench.measure.latency import (
     Found,
@@ -20,7 +21,8 @@ from bench.measure.latency import (
 )
 from bench.measure.latency_plot import write_picture
 from bench.measure.pingpong import TimedLink, Times
-from bench.measure.step_cost import Stopwatch, costs_of, measure
+from bench.measure.step_cost import measure
+from hil.ports import Link
 
 PRINTED = """# Histogram
 000000 000000
@@ -122,44 +124,22 @@ def test_the_highest_rate_is_the_highest_that_was_held():
     assert "did not come to its end" in line(trials[3])
 
 
-def test_an_outer_part_stands_still_while_an_inner_one_runs(monkeypatch):
-    clock = {"now": 0}
-
-    def now():
-        return clock["now"]
-
-    def spend(amount):
-        clock["now"] += amount
-
-    monkeypatch.setattr("bench.measure.step_cost.time.perf_counter_ns", now)
-    watch = Stopwatch()
-    inner = watch.around("inner", lambda: spend(3000))
-
-    def work():
-        spend(1000)
-        inner()
-        spend(500)
-
-    watch.begin_tick()
-    watch.around("outer", work)()
-    watch.begin_tick()
-    watch.around("outer", lambda: spend(2000))()
-    assert watch.ticks == [{"outer": 1500, "inner": 3000}, {"outer": 2000}]
-    costs = {cost.part: cost for cost in costs_of(watch)}
-    assert costs["outer"].mean_us == pytest.approx(1.75)
-    assert costs["inner"].mean_us == pytest.approx(1.5)
+def test_every_part_of_a_tick_is_told(tmp_path):
+    whole, parts = measure(200, [("controller.name", "observer")])
+    assert whole.mean_us > 0.0
+    assert {"controller: layers", "plant: packing records", "recorder rings"} <= set(parts)
+    assert parts["controller: layers"] > 0.0
 
 
-@pytest.mark.interpreted("the parts of a compiled tick cannot be told")
-def test_every_part_of_a_tick_is_counted():
-    watch = Stopwatch()
-    assert measure(120, watch) > 0.0
-    parts = {part for tick in watch.ticks for part in tick}
-    assert {"controller: layers", "plant: packing records", "recorder ring"} <= parts
-    assert len(watch.ticks) == 120
+def test_every_fast_model_is_told_with_every_law_or_refused(monkeypatch):
+    monkeypatch.setattr(step_cost, "LAWS", {"cascade": None, "observer": None})
+    table = step_cost.measure_all(100)
+    assert set(table) == {"closed-form", "harmonic", "rectangular", "nonlinear"}
+    assert table["harmonic"]["observer"] > 0.0
+    assert table["nonlinear"]["observer"] is None
 
 
-class SlowLink:
+class SlowLink(Link):
     """Answers come in the order given: None stands for nothing yet."""
 
     def __init__(self, *answers):
@@ -186,3 +166,9 @@ def test_a_late_answer_does_not_pass_for_the_one_that_is_timed():
     link.send(head.pack(0x100, 8 << 12))
     assert times.unanswered == 1
     assert times.trip_ns[1] >= 800_000  # what was given up counts with its time
+
+
+def test_a_run_and_the_replays_of_its_logs_are_told_in_times_of_real_time():
+    found = dict(speed.measure(0.5, "harmonic", "cascade"))
+    assert set(found) == {"run, both logs on", "replay of the plant", "replay of the controller"}
+    assert min(found.values()) > 0.0

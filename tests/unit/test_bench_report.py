@@ -6,6 +6,10 @@ from bench_logs import Made, alternating, make_run
 from bench.judge.figures import read_run
 from bench.judge.summary import summarise
 from bench.report.document import save_picture, write_report
+from bench.run.commands import report
+from bench.run.resolve import resolve
+from hil.errors import ConfigError, LogError
+from hil.files import Output
 
 pytest.importorskip("matplotlib")
 
@@ -19,7 +23,7 @@ def page(tmp_path_factory):
     scenario, files = make_run(tmp_path_factory.mktemp("run"), made)
     data = read_run(scenario, files)
     write_report(data, summarise(data, {}), files)
-    save_picture(data, files, files.directory / "picture.svg")
+    save_picture(data, files, Output("--picture", files.directory / "picture.svg"))
     return files
 
 
@@ -56,3 +60,23 @@ def test_a_run_that_shows_nothing_still_has_a_report(tmp_path, centres):
     data = read_run(scenario, files)
     write_report(data, summarise(data, {}), files)
     assert "event &#x27;load&#x27; did not happen" in files.report.read_text()
+
+
+def test_a_log_without_truth_is_told_in_one_line(tmp_path):
+    scenario, files = make_run(tmp_path, Made([], ticks=0))
+    files.scenario.write_text(resolve(scenario).model_dump_json())
+    with pytest.raises(LogError, match=r"plant\.mcap: nothing to judge or draw: it has no rows of"):
+        report(tmp_path, None)
+
+
+def test_a_picture_replaces_no_log(page, tmp_path):
+    before = page.plant_log.read_bytes()
+    (tmp_path / "a.svg").symlink_to(page.plant_log)
+    (tmp_path / "b.svg").write_text("there")
+    with pytest.raises(ConfigError, match=r"accepted is a name ending in \.svg"):
+        report(page.directory, page.plant_log, force=True)
+    with pytest.raises(ConfigError, match="is read by this command"):
+        report(page.directory, tmp_path / "a.svg", force=True)
+    with pytest.raises(ConfigError, match="exists already"):
+        report(page.directory, tmp_path / "b.svg")
+    assert page.plant_log.read_bytes() == before

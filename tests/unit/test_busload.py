@@ -13,7 +13,7 @@ import pytest
 import hil
 import hil.log
 from bench.bus import commands, monitor
-from bench.bus.can_log import check_name
+from bench.bus.can_log import output_of
 from bench.bus.load import frame_bits
 from bench.run import scenarios
 from bench.run.directory import RunFiles
@@ -70,7 +70,7 @@ def test_a_candump_of_a_run_decodes_to_the_values_of_its_log(done):
 def test_other_formats_hold_the_same_frames_in_the_same_order(done, suffix):
     path = done.directory / f"frames.{suffix}"
     scenario = read_resolved(done.scenario)
-    count = commands.write_can_log(path, scenario, done, "2026-01-02T03:04:05+0000")
+    count = commands.write_can_log(output_of(path), scenario, done, "2026-01-02T03:04:05+0000")
     frames = []
     for log in (done.plant_log, done.controller_log):
         with hil.log.open(log) as opened:
@@ -101,7 +101,7 @@ def test_the_load_is_told_in_one_line(done, capsys):
 @pytest.mark.parametrize("name", ["frames.txt", "frames", "missing/frames.log"])
 def test_a_can_log_that_could_not_be_written_is_refused_before_the_run(name, tmp_path):
     with pytest.raises(ConfigError, match="--can-log"):
-        check_name(tmp_path / name)
+        output_of(tmp_path / name)
 
 
 @pytest.mark.parametrize("text", ["zenoh", ":can0", "zenoh:", ""])

@@ -11,7 +11,16 @@ from bench.judge.response import Response
 from bench.studies.campaign import config, run
 from bench.studies.campaign import execution as campaigns
 from bench.studies.campaign import table as campaign_table
-from bench.studies.campaign.config import Campaign, LoadSpread, MisfireSpread, Spread, draw
+from bench.studies.campaign.config import (
+    Campaign,
+    LoadSpread,
+    MisfireSpread,
+    Spread,
+    StopRule,
+    draw,
+)
+from bench.studies.campaign.execution import Shard
+from bench.studies.campaign.stopping import Tally, Watch, half_width
 from bench.studies.compare import compare, laws_of
 from bench.studies.compare_page import table
 from hil.errors import ConfigError, RunError
@@ -154,6 +163,86 @@ def test_a_campaign_that_was_killed_goes_on_and_runs_nothing_twice(cluster, tmp_
     assert tables[0] == tables[1]
     cluster.append(None)
     assert campaigns.rows_of(campaigns.run(SMALL, tmp_path / "cut", None, 1, CONSOLE)) is not None
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "empty"])
+def test_a_damaged_part_is_a_part_not_yet_done(cluster, tmp_path, damage):
+    cluster.append(Serial())
+    whole = campaigns.rows_of(campaigns.run(SMALL, tmp_path, None, 1, CONSOLE))
+    file = sorted(tmp_path.glob("parts/part-*.parquet"))[1]
+    data = bytearray(file.read_bytes())
+    data[len(data) // 3] ^= 1
+    file.write_bytes({"flip": data, "cut": data[: len(data) // 2], "empty": b""}[damage])
+    again = Serial()
+    cluster.append(again)
+    assert campaigns.rows_of(campaigns.run(SMALL, tmp_path, None, 1, CONSOLE)) == whole
+    assert again.ran == [list(range(4, 8))]
+    assert len(list(tmp_path.glob("parts/*"))) == 3
+
+
+def test_results_of_something_else_are_not_written_over(cluster, tmp_path):
+    (tmp_path / "table.md").write_text("precious")
+    cluster.append(Serial())
+    with pytest.raises(ConfigError, match=r"table\.md: exists already"):
+        campaigns.run(SMALL, tmp_path, None, 1, CONSOLE)
+    assert (tmp_path / "table.md").read_text() == "precious"
+
+
+STOPPING = SMALL.model_copy(
+    update={"runs": 40, "stop": StopRule(figure="sigma_mm", half_width=1.0, least=10)}
+)
+
+
+def test_a_campaign_ends_when_enough_is_known_whatever_the_order(cluster, tmp_path):
+    cluster.append(Serial())
+    file = campaigns.run(STOPPING, tmp_path, None, 1, CONSOLE)
+    runs = [row["run"] for row in campaigns.rows_of(file, ["run"])]
+    assert runs == list(range(20))  # ten of each law, at the end of a part
+    rows = run.run_many(STOPPING, list(range(24)))
+    watch = Watch(STOPPING.stop, STOPPING.controllers)
+    for number in (5, 2, 4, 0, 3, 1):
+        watch.take(number, rows[4 * number : 4 * number + 4])
+    assert watch.end == 5
+    cluster.append(None)  # and none is run when it goes on
+    assert campaigns.run(STOPPING, tmp_path, None, 1, CONSOLE) == file
+
+
+@pytest.mark.parametrize(
+    ("n", "lost", "low", "high"), [(100, 0, 0.0, 0.037), (400, 40, 0.0743, 0.1333)]
+)
+def test_the_interval_of_a_share_is_wilsons(n, lost, low, high):
+    """Limits from the tables of Wilson's interval at 95 %."""
+    rule = StopRule(figure="lost", half_width=0.01)
+    width = half_width(rule, Tally(n, float(lost), float(lost)))
+    assert 2.0 * width == pytest.approx(high - low, abs=1e-3)
+
+
+def test_the_interval_of_a_mean_is_that_of_its_scatter():
+    rule = StopRule(figure="peak_mm", half_width=0.01)
+    values = [0.1 * k for k in range(-50, 51)]
+    tally = Tally(len(values), sum(values), sum(v * v for v in values))
+    assert half_width(rule, tally) == pytest.approx(1.96 * 2.930 / math.sqrt(101), rel=1e-3)
+    assert half_width(rule, Tally(1, 0.0, 0.0)) == math.inf
+
+
+def test_shards_of_a_campaign_come_together(cluster, tmp_path):
+    cluster.append(Serial())
+    whole = campaigns.run(SMALL, tmp_path / "whole", None, 1, CONSOLE)
+    cluster.append(Serial())
+    assert campaigns.run(SMALL, tmp_path / "a", None, 1, CONSOLE, Shard(1, 2)) is None
+    assert cluster[-1].ran == [[0, 1, 2, 3], [8, 9]]
+    cluster.append(Serial())
+    assert campaigns.run(SMALL, tmp_path / "b", None, 1, CONSOLE, Shard(2, 2)) is None
+    for part in (tmp_path / "b" / "parts").iterdir():
+        part.rename(tmp_path / "a" / "parts" / part.name)
+    cluster.append(None)
+    merged = campaigns.run(SMALL, tmp_path / "a", None, 1, CONSOLE)
+    assert str(campaigns.rows_of(merged)) == str(campaigns.rows_of(whole))
+
+
+def test_a_million_runs_are_a_thousand_parts():
+    assert campaigns.part_count(SMALL.model_copy(update={"runs": 1_000_000})) == 1000
+    assert campaigns.part_count(SMALL.model_copy(update={"runs": 2000})) == 100
 
 
 def test_another_campaign_does_not_go_into_the_same_directory(cluster, tmp_path):

@@ -182,18 +182,26 @@ def test_the_kernel_filters_the_peers_frames_and_the_question(kernel):
     rows = list(struct.iter_unpack("=II", raw))
     mask = 0x7FF | 1 << 31 | 1 << 30
     assert rows == [(0x100, mask), (0x101, mask), (0x200 | REMOTE, mask)]
-    assert wanted_by("controller") == Wanted((0x100, 0x101), 0x200)
-    assert wanted_by("plant") == Wanted((0x200, 0x201, 0x202), 0x100)
+    assert wanted_by("controller") == Wanted((0x100, 0x101, 0x0F0, 0x0F1, 0x200), 0x200)
+    plants = Wanted((0x200, 0x201, 0x202, 0x0F0, 0x0F1, 0x100), 0x100)
+    assert wanted_by("plant") == plants
 
 
 class Presence:
     lockstep = False
 
     def __init__(self, role):
-        self.role = role
+        self.role, self.noted = role, []
 
     def alive(self):
         return set()
+
+    def note(self, *told):
+        self.noted.append(told)
+
+    def notices(self):
+        taken, self.noted = self.noted, []
+        return taken
 
 
 def test_plant_and_controller_find_each_other_by_remote_frames(kernel, port):

@@ -1,6 +1,8 @@
 """Configuration: every mistake is one line that names file, key, what was given and accepted."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -291,3 +293,76 @@ def test_process_reads_its_scenario_and_log(written):
     assert given.scenario.name == "example"
     assert given.log.name == "plant.mcap"
     assert read_arguments("plant", ["--config", str(written)]).log is None
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[run]\nduration_s = true", "run.duration_s: accepted is a number (given: True)"),
+        ('[run]\nduration_s = "2.5"', "run.duration_s: accepted is a number (given: '2.5')"),
+        ('[loop]\nrate_hz = "1000"', "loop.rate_hz: accepted is a number (given: '1000')"),
+        ("[run]\nseed = true", "run.seed: accepted is a number (given: True)"),
+        ("[realtime]\nlock_memory = 1", "accepted is true or false (given: 1)"),
+        ('[realtime]\nlock_memory = "yes"', "accepted is true or false (given: 'yes')"),
+        (f"[run]\nduration_s = {'9' * 5000}", "not a TOML file: a number of more digits"),
+        (f"[run]\nduration_s = {'9' * 400}", "run.duration_s: Input should be a valid number"),
+        (f"[run]\nseed = {'9' * 4000}", "run.seed: "),
+        (f"a = {'[' * 5000}{']' * 5000}", "not a TOML file: values nested too deep"),
+        ("a = {}{}{}".format("{b=" * 3000, 1, "}" * 3000), "not a TOML file: values nested too"),
+        ("name = 'x\x00'", "not a TOML file"),
+    ],
+)
+def test_a_value_of_another_type_is_refused_in_one_line(tmp_path, text, told):
+    path = tmp_path / "scenario.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load(path)
+    line = str(caught.value)
+    assert told in line
+    assert line.startswith(f"{path}: ")
+    assert "\n" not in line
+    assert len(line) < 500
+
+
+def test_numbers_are_taken_as_they_may_be_written(tmp_path):
+    path = tmp_path / "scenario.toml"
+    path.write_text("[run]\nduration_s = 2\n[loop]\nrate_hz = 1e3\n")
+    scenario = load(path)
+    assert (scenario.run.duration_s, scenario.loop.rate_hz) == (2.0, 1000)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
+    path = tmp_path / "scenario.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + SCENARIO.encode())
+    assert load(path).name == "example"
+
+
+def test_what_a_process_is_given_as_json_has_its_types_too(tmp_path):
+    path = tmp_path / "scenario.json"
+    tree = json.loads(resolve(build({"name": "x"}, "test")).model_dump_json())
+    path.write_text(json.dumps(tree))
+    assert read_resolved(path).name == "x"
+    tree["loop"]["rate_hz"] = "1000"
+    path.write_text(json.dumps(tree))
+    with pytest.raises(ConfigError, match=r"loop\.rate_hz: accepted is a number"):
+        read_resolved(path)
+
+
+def test_an_override_with_too_many_digits_is_refused():
+    with pytest.raises(ConfigError, match=r"--set run\.seed='999.*more digits"):
+        parse_assignment(f"run.seed={'9' * 5000}")
+
+
+@pytest.mark.parametrize("module", ["plant.main", "controller.main"])
+def test_an_engine_that_cannot_be_read_is_one_line_of_a_process(module, tmp_path):
+    """The figures are read while the modules are imported, before any command has begun."""
+    code = (
+        "import sys, pathlib, hil.config.base as base, hil.errors as errors\n"
+        "def broken(path): raise errors.ConfigError(f'{path}: not a TOML file')\n"
+        "base.read_toml = broken\n"
+        f"import {module}\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.endswith("engine.toml: not a TOML file\n")

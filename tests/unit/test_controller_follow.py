@@ -8,6 +8,7 @@ import pytest
 from controller.follow import follow_in_real_time
 from drivers.system.process import Stop
 from hil.errors import RunError
+from hil.ports import Link
 
 PERIOD_NS = 1_000_000
 
@@ -28,7 +29,7 @@ class TickLoop:
             self.tick = max(self.tick, int.from_bytes(batch, "big"))
 
 
-class Samples:
+class Samples(Link):
     """Gives what it holds, then nothing; `gap_s` lies before each."""
 
     def __init__(self, ticks, gap_s=0.0):

@@ -1,12 +1,14 @@
 """The controller's turn with every port in the test's hand: gaps, late frames, commands."""
 
 import math
+from collections import UserList
 
 import pytest
 
 from controller.build import initial_state, make_params
 from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
+from hil import pacing, ports
 from hil.config.controller import ControllerConfig
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
@@ -19,7 +21,7 @@ NAN = math.nan
 TOPICS = {topic.channel_id: topic for topic in topics.ALL}
 
 
-class Link:
+class Link(ports.Link):
     def __init__(self):
         self.sent = []
 
@@ -27,10 +29,9 @@ class Link:
         self.sent.append(batch)
 
 
-class Pacer:
-    period_ns, patience_ns = MS, MS
-
+class Pacer(pacing.Pacer):
     def __init__(self):
+        super().__init__(MS, MS)
         self.t_ns = 0
         self.started = []
 
@@ -42,7 +43,7 @@ class Pacer:
         return self.t_ns
 
 
-class Log(list):
+class Log(ports.Recorder, UserList):
     """Takes packed records apart again: (topic name, fields by name)."""
 
     def put(self, data):
@@ -61,14 +62,19 @@ class Log(list):
         return [event["code"] for event in self.of("/event")]
 
 
-class Status(list):
+class Status(ports.StatusSink, UserList):
     def publish(self, status):
         self.append(status)
 
 
-class Commands(list):
+class Commands(ports.CommandSource, UserList):
+    answers = ()
+
     def poll(self):
         return self.pop(0) if self else None
+
+    def answer(self, *told):
+        self.answers = (*self.answers, told)
 
 
 class Bench:
@@ -339,3 +345,21 @@ def test_status_of_an_engine_at_rest_has_no_dead_centre_and_no_load():
     bench.turn(0)
     (status,) = bench.status
     assert (status["mode"], status["tdc_mm"], status["load_n_s_m"]) == ("off", None, 0.0)
+
+
+def test_an_order_that_was_due_before_the_first_sample_is_followed_with_it():
+    bench = Bench(running=False, schedule={2: OperatorCommand("start")})
+    bench.turn(7, 8)
+    assert bench.loop.state.mode is Mode.MOTORING
+    assert "mode motoring" in bench.log.codes()
+
+
+def test_a_planned_start_waits_for_samples():
+    bench = Bench(running=False, schedule={12: OperatorCommand("start")})
+    bench.turn(0)
+    for _ in range(bench.loop.params.bounds.stale_ticks + 4):
+        bench.loop.turn(None)
+    assert bench.loop.tick > 12
+    assert bench.loop.state.mode is Mode.OFF
+    bench.turn(bench.loop.tick + 1, bench.loop.tick + 2)
+    assert bench.loop.state.mode is Mode.MOTORING

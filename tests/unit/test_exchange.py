@@ -1,11 +1,12 @@
 """Waiting for a batch that must come."""
 
 from hil.exchange import await_batch
+from hil.ports import Link
 
 SECOND_NS = 1_000_000_000
 
 
-class Peer:
+class Peer(Link):
     """A link whose batch comes after so many waits, if at all; dies after so many."""
 
     def __init__(self, comes_after=None, dies_after=None, last_words=None):

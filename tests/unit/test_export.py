@@ -31,7 +31,7 @@ def log(path):
 
 def test_parquet_has_the_same_numbers_and_the_units(log, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    files = export(log, "parquet", tmp_path, [], ALWAYS)
+    files = export(log, "parquet", tmp_path, [], ALWAYS).files
     assert sorted(f.path.name for f in files) == [
         "event.parquet", "frames_sent.parquet", "sensor.parquet", "stroke.parquet",
         "timing.parquet", "truth.parquet",
@@ -56,7 +56,7 @@ def test_csv_reads_back_to_the_last_bit(log, tmp_path):
 
 def test_mf4_has_a_group_a_topic_with_units(log, tmp_path):
     asammdf = pytest.importorskip("asammdf")
-    (file,) = export(log, "mf4", tmp_path / "plant.mf4", [], ALWAYS)
+    (file,) = export(log, "mf4", tmp_path / "plant.mf4", [], ALWAYS).files
     assert file.messages == CHUNKS * TICKS * 3 + 22
     with asammdf.MDF(file.path) as measured:
         signal = measured.get("sensor.x_m")
@@ -68,9 +68,9 @@ def test_mf4_has_a_group_a_topic_with_units(log, tmp_path):
 def test_a_stretch_of_time_is_all_that_is_exported(log, tmp_path):
     pytest.importorskip("pyarrow")
     span = Span(10_000_000, 59_000_000)
-    (file,) = export(log, "parquet", tmp_path, ["/sensor"], span)
+    (file,) = export(log, "parquet", tmp_path, ["/sensor"], span).files
     assert file.messages == 50
-    (file,) = export(log, "parquet", tmp_path, ["/event"], span)
+    (file,) = export(log, "parquet", tmp_path, ["/event"], span).files
     assert file.messages == len([t for t in range(0, 150, 7) if 10 <= t <= 59])
 
 

@@ -1,5 +1,6 @@
 """A Functional Mock-up Unit as plant: ours gives our own numbers, another hand's is understood."""
 
+import re
 import shutil
 import sys
 import zipfile
@@ -13,7 +14,7 @@ if shutil.which("cc") is None:
 
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
-from fmu_units import FOREIGN_NAMES, MODELS, changed, foreign, ours, renamed
+from fmu_units import FOREIGN_NAMES, MODELS, changed, folder, foreign, ours, renamed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -360,6 +361,64 @@ def test_the_check_tells_what_fits_and_what_does_not(capsys):
     capsys.readouterr()
     assert check(foreign(3), names) == 0
     assert "piston_position  0.001" in capsys.readouterr().out
+
+
+def remade(path, name, change):
+    """A copy of a unit with one member changed: (name of the member, bytes) -> bytes."""
+    new = folder() / name
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as unit:
+        for member in old.namelist():
+            unit.writestr(member, change(member, old.read(member)))
+    return new
+
+
+def in_binary(change):
+    return lambda name, data: change(data) if name.endswith(".so") else data
+
+
+def in_description(pattern, replacement):
+    def change(name, data):
+        return re.sub(pattern, replacement, data) if name == "modelDescription.xml" else data
+
+    return change
+
+
+BROKEN_UNITS = {
+    "text": in_binary(lambda data: b"hello"),
+    "nothing": in_binary(lambda data: b""),
+    "half": in_binary(lambda data: data[: len(data) // 2]),
+    "other-machine": in_binary(lambda data: data[:18] + b"\xb7\0" + data[20:]),
+    "other-guid": in_description(rb'guid="[^"]*"', b'guid="{x}"'),
+    "no-guid": in_description(rb' guid="[^"]*"', b""),
+    "no-such-reference": in_description(rb'valueReference="6"', b'valueReference="7777"'),
+    "no-such-input": in_description(rb'valueReference="(1[0-9])"', rb'valueReference="77\1"'),
+    "factor-0": in_description(rb'<BaseUnit m="1" ?/>', b'<BaseUnit m="1" factor="0"/>'),
+    "factor-inf": in_description(rb'<BaseUnit m="1" ?/>', b'<BaseUnit m="1" factor="INF"/>'),
+    "factor-text": in_description(rb'<BaseUnit m="1" ?/>', b'<BaseUnit m="1" factor="a"/>'),
+    "no-variables": in_description(rb"(?s)<ScalarVariable.*</ScalarVariable>", b""),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_UNITS)
+def test_the_check_finds_what_cannot_run(name, capsys):
+    path = remade(ours("harmonic", 2), f"{name}.fmu", BROKEN_UNITS[name])
+    try:
+        assert check(path, []) == 1
+    except ConfigError as error:
+        line = str(error)
+    else:
+        line = capsys.readouterr().out.splitlines()[-1]
+        assert line.startswith("as plant: ")
+    assert "stepped once" not in line
+    assert str(path) in line
+
+
+def test_a_damaged_member_of_a_unit_is_told_by_name():
+    path = folder() / "damaged.fmu"
+    data = bytearray(ours("harmonic", 2).read_bytes())
+    data[data.index(b".so") + 3000] ^= 1
+    path.write_bytes(data)
+    assert str(path) in refusal(path)
 
 
 # --- dead centres between samples ------------------------------------------------------------

@@ -6,13 +6,17 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 import hil.log
-from drivers.recorder.mcap_file import McapFile, index_messages
+from drivers.recorder import index
+from drivers.recorder.index import index_messages
+from drivers.recorder.mcap_file import McapFile
 from hil.errors import LogError
 from hil.log.topics import (
     ALL,
@@ -213,6 +217,23 @@ def test_records_that_are_no_messages_are_refused():
 
 def test_a_cut_record_is_left_for_later():
     whole, half = tick_records(7), tick_records(8)[:-3]
-    index = index_messages(whole + half)
-    assert len(whole) < index.size < len(whole + half)
-    assert FRAMES_RECEIVED.channel_id not in index.entries
+    found = index_messages(whole + half)
+    assert len(whole) < found.size < len(whole + half)
+    assert FRAMES_RECEIVED.channel_id not in found.channels
+
+
+@given(st.lists(st.integers(0, 2**32 - 1), max_size=20), st.integers(0, 2000))
+def test_both_ways_of_indexing_agree(numbers, taken_off):
+    """Compiled, the records are walked by native reads; the other way is the reference."""
+    records = b"".join(tick_records(k) for k in numbers)
+    cut = records[: max(len(records) - taken_off, 0)]
+    reference = index._walk(cut)
+    assert index_messages(cut) == index._walk_natively(cut) == reference
+    assert reference.size <= len(cut)
+
+
+def test_a_length_beyond_all_bounds_ends_the_index():
+    whole, next_one = tick_records(7), bytearray(tick_records(8))
+    next_one[8] = 0x80  # of the length, now beyond 2^63
+    for walk in (index._walk, index._walk_natively):
+        assert walk(bytes(whole + next_one)).size == len(whole)

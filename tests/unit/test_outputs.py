@@ -24,6 +24,7 @@ DIRECTORIES = {
     "latency": ("bench", "latency", "--out"),
     "rate": ("bench", "rate", "--out"),
     "step": ("bench", "step", "--out"),
+    "recorder": ("bench", "recorder", "--out"),
     "soak": ("bench", "soak", "--out"),
     "run": ("run", "steady", "--out"),
     "golden": ("golden", "--update", "--directory"),

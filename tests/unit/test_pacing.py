@@ -10,6 +10,7 @@ from drivers.polling import WakeUp
 from drivers.system.clock import SystemClock
 from hil.errors import ConfigError
 from hil.pacing import LockstepPacer, RealTimePacer, Slot, next_slot
+from hil.ports import Clock
 
 PERIOD = 1_000_000
 times = st.integers(0, 10**12)
@@ -17,7 +18,7 @@ periods = st.integers(1, 10**8)
 ticks = st.integers(0, 10**6)
 
 
-class FakeClock:
+class FakeClock(Clock):
     """A clock that only moves when it is told to, and wakes this late."""
 
     def __init__(self, now_ns=5_000, late_ns=0):

@@ -1,9 +1,10 @@
 """The plant's turn with every port in the test's hand: when an answer acts, and when none comes."""
 
-from collections import deque
+from collections import UserList, deque
 
 import pytest
 
+from hil import ports
 from hil.config.plant import PlantConfig
 from hil.errors import RunError
 from hil.log import topics
@@ -22,7 +23,7 @@ OFF, MOTORING, GENERATING, STOPPING, SAFE = OPERATING_MODES
 TOPICS = {topic.channel_id: topic for topic in topics.ALL}
 
 
-class Link:
+class Link(ports.Link):
     """The controller's end is `inbox`; `on_send` is its turn."""
 
     def __init__(self):
@@ -43,7 +44,7 @@ class Link:
         return self.alive
 
 
-class Log(list):
+class Log(ports.Recorder, UserList):
     """Takes packed records apart again: (topic name, fields by name)."""
 
     def put(self, data):
@@ -62,12 +63,12 @@ class Log(list):
         return [event["code"] for event in self.of("/event")]
 
 
-class Status:
+class Status(ports.StatusSink):
     def publish(self, status):
         """Nobody looks."""
 
 
-class Clock:
+class Clock(ports.Clock):
     """Time passes only by sleeping, and by `late_ns` once."""
 
     def __init__(self):

@@ -13,17 +13,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.records import Message
 from mcap_ros2._dynamic import generate_dynamic
 
-from hil.log.records import (
-    CDR_LE,
-    Field,
-    Layout,
-    Record,
-    Topic,
-    definition,
-    fields_of,
-    parse_definition,
-)
-from hil.log.topics import ALL, EVENT, FRAMES_SENT, SENSOR
+from hil.log import packing
+from hil.log.definitions import parse_definition
+from hil.log.records import CDR_LE, Field, Layout, Record, Topic, definition, fields_of
+from hil.log.topics import ALL, EVENT, FRAMES_SENT, HOT, SENSOR, TIMING
 
 FLOATS = st.floats(allow_nan=False)
 SCALARS = {
@@ -116,6 +109,49 @@ def test_every_field_that_names_a_unit_declares_it(topic):
 def test_topics_have_names_and_channels_of_their_own():
     assert len({topic.name for topic in ALL}) == len(ALL)
     assert len({topic.channel_id for topic in ALL}) == len(ALL)
+
+
+def add(topic, values):
+    """Add a record by the generated function of its topic."""
+    getattr(packing, topic.name[1:].replace("/", "_"))(*values)
+
+
+@given(data=st.data())
+def test_the_generated_functions_pack_the_same_bytes(data):
+    """One record or several, in any order: as `Topic.pack`, which the decoders above judge."""
+    topics = data.draw(st.lists(st.sampled_from(HOT), max_size=6))
+    records = [(topic, data.draw(values_of(topic))) for topic in topics]
+    packing.begin()
+    for topic, values in records:
+        add(topic, values)
+    assert packing.packed() == b"".join(topic.pack(*values) for topic, values in records)
+
+
+@pytest.mark.parametrize("topic", HOT, ids=lambda topic: topic.name)
+def test_the_generated_functions_refuse_what_is_outside_its_type(topic):
+    zeros = {"uint8[]": b"", "float64": 0.0}
+    kinds = [field.type for field in topic.layout.fields]
+    values = [zeros.get(k, (0,) * 4 if "[4]" in k else 0) for k in kinds]
+    packing.begin()
+    add(topic, values)
+    good = packing.packed()
+    for i, kind in enumerate(kinds):
+        if not kind.startswith("uint") or kind == "uint8[]":
+            continue
+        for wrong in (-1, 2 ** (32 if kind == "uint32" else 8)):
+            bad = (0, 0, 0, wrong) if "[4]" in kind else wrong
+            with pytest.raises(struct.error):
+                add(topic, [*values[:i], bad, *values[i + 1 :]])
+    with pytest.raises(struct.error):
+        add(topic, [-1 if field.name == "t_ns" else value
+                    for field, value in zip(topic.layout.fields, values, strict=True)])  # fmt: skip
+    assert packing.packed() == good
+
+
+@pytest.mark.parametrize("values", [(1, 2), (1, 2, 3, 4, 5, 6, 7, 8)])
+def test_a_record_with_a_field_too_few_or_too_many_is_refused(values):
+    with pytest.raises(TypeError, match="/timing has the fields tick, t_ns, scheduled_ns"):
+        TIMING.pack(*values)
 
 
 def test_a_value_outside_its_type_is_refused():

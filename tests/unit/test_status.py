@@ -7,7 +7,8 @@ import pytest
 from bench.live import status
 from bench.live.status import commands_of, gather, order, rows, set_points, show, watch
 from hil.config.load import build
-from hil.errors import ConfigError, LinkError
+from hil.errors import BlockedError, ConfigError, LinkError
+from hil.wire.answers import CommandAnswer
 
 PLANT = {
     "tick": 3300, "t_s": 3.3, "tdc_mm": 15.501, "late_us": 2, "late_max_us": 81, "missed": 1,
@@ -20,9 +21,9 @@ CONTROLLER = {
 
 
 class Pair:
-    """A running pair that takes its commands, unless it is told to ignore them."""
+    """A running pair that takes its commands, unless it has a reason to refuse them."""
 
-    def __init__(self, ignores=False, rounds=20):
+    def __init__(self, ignores="", rounds=20):
         self.taken, self.closed, self.ignores = [], False, ignores
         self.controller = dict(CONTROLLER)
         self._told = [("plant", PLANT), ("controller", None)] * rounds
@@ -38,10 +39,11 @@ class Pair:
         process, told = self._told.pop(0)
         return process, told or dict(self.controller)
 
-    def send_command(self, command):
+    def ask(self, command, to, timeout_s):
+        if self.ignores:
+            return CommandAnswer(to, False, 3310, self.ignores)
         self.taken.append(dict(command))
-        if not self.ignores and "tdc_ref_m" in command:
-            self.controller["tdc_ref_mm"] = command["tdc_ref_m"] * 1e3
+        return CommandAnswer(to, True, 3310, "mode generating, set point 15.200 mm")
 
     def close(self):
         self.closed = True
@@ -110,13 +112,16 @@ def test_a_set_point_is_sent_and_seen_to_be_taken(joined, capsys):
     pair = joined(Pair())
     assert set_points(["tdc_ref_m=0.0152"], None) == 0
     assert pair.taken == [{"kind": "set-point", "tdc_ref_m": 0.0152}]
-    assert capsys.readouterr().out == "controller: mode generating, set point 15.200 mm\n"
+    line = "controller: mode generating, set point 15.200 mm; taken at tick 3310\n"
+    assert capsys.readouterr().out == line
 
 
-def test_a_command_that_is_not_taken_is_told(joined):
-    joined(Pair(ignores=True))
-    with pytest.raises(LinkError, match="did not take the command"):
+def test_a_command_that_is_not_taken_is_told_with_the_bound(joined):
+    pair = joined(Pair(ignores="tdc_ref_m=0.0152 from hil: accepted up to 0.015"))
+    line = r"^controller refused set-point: tdc_ref_m=0\.0152 from hil: accepted up to 0\.015$"
+    with pytest.raises(BlockedError, match=line):
         set_points(["tdc_ref_m=0.0152"], None)
+    assert pair.closed
 
 
 def test_start_and_stop_are_sent(joined):

@@ -7,8 +7,10 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from bench.logs.replay.turns import Turn, split
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import split
 from hil.log import Log, topics
+from hil.log.coding import of_layout
 from hil.log.part import TopicInfo
 
 Values = dict[str, object]
@@ -27,7 +29,7 @@ class Difference(NamedTuple):
 
 
 _TODAY = {
-    topic.name: TopicInfo(topic.name, topic.layout.fields, 0, topic.channel_id, topic.layout)
+    topic.name: TopicInfo(topic.name, 0, (topic.channel_id,), of_layout(topic.layout))
     for topic in topics.ALL
 }
 

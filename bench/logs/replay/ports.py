@@ -2,95 +2,131 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from typing import final
 
-from bench.logs.replay.turns import Turn
-from hil.pacing import Slot
+from mypy_extensions import i64
+
+from bench.logs.replay.turn import Turn
+from hil.pacing import Pacer, Slot
+from hil.ports import CommandSource, Link, Recorder, StatusSink
+
+_NO_TIMES: tuple[int, ...] = (0,)
+_NO_BATCHES: tuple[bytes, ...] = ()
 
 
-class Player:
-    """All ports of a loop in one: clock, link, commands and status of a turn, and its records."""
+@final
+class Tape(Pacer):
+    """What was there in a turn: its times, batches and command; the clock of the replay too.
+
+    alive: whether the peer was there, as far as it mattered; sent: the newest batch of the loop
+    """
 
     def __init__(self, period_ns: int, patience_ns: int) -> None:
-        self.period_ns = period_ns
-        self.patience_ns = patience_ns
-        self.put_records: list[bytes] = []
-        self.put = self.put_records.append
-        self.sent = b""
-        self._times: Iterator[int] = iter(())
-        self.batches: Iterator[bytes] = iter(())
-        self._command: tuple[str, bytes] | None = None
-        self._slot = Slot(0, 0, 0, 0)
+        super().__init__(period_ns, patience_ns)
         self.alive = True
+        self.sent = b""
+        self.command: tuple[str, bytes] | None = None
+        self._slot = Slot(0, 0, 0, 0)
+        self._times: tuple[int, ...] = _NO_TIMES
+        self._batches: tuple[bytes, ...] = _NO_BATCHES
+        self._next_time: i64 = 0
+        self._next_batch: i64 = 0
 
     def load(self, turn: Turn) -> None:
         """Have a turn ready: what is asked for now is what was there then."""
-        self._times = iter(turn.times_ns)
-        self.batches = iter(turn.batches)
-        self._command = turn.command
+        self._times, self._batches, self.command = turn.times_ns, turn.batches, turn.command
+        self._next_time = self._next_batch = 0
         # No answer in time, and none due yet: only then did the peer's presence count.
         self.alive = turn.used_tick != -1
 
     def load_slot(self, turn: Turn) -> None:
         """Have the slot of the plant's turn ready; sending is all that asks for the time."""
-        woke_ns, sent_ns = turn.times_ns
+        woke_ns = turn.times_ns[0]
         self._slot = Slot(turn.tick, turn.scheduled_ns, woke_ns, turn.tick - turn.first_tick)
-        self._times = iter((sent_ns,))
+        self._next_time = 1
 
-    def taken(self) -> bytes:
-        """Return and forget what the loop has put."""
-        data = self.put_records[0] if len(self.put_records) == 1 else b"".join(self.put_records)
-        self.put_records.clear()
-        return data
-
-    def start(self, tick: int = 0) -> None:
-        """Nothing to start: the times are on the tape."""
-
-    def wait(self, tick: int) -> Slot:
+    def wait(self, tick: i64) -> Slot:
         """Return the recorded slot."""
         return self._slot
 
-    def now_ns(self) -> int:
+    def now_ns(self) -> i64:
         """Return the next recorded time."""
-        return next(self._times)
+        place = self._next_time
+        self._next_time = place + 1
+        return self._times[place]
 
-    def poll(self) -> tuple[str, bytes] | None:
-        """Return the command of this turn, if there was one."""
-        command, self._command = self._command, None
-        return command
+    def batch(self) -> bytes | None:
+        """Return the next batch of this turn."""
+        place = self._next_batch
+        if place >= len(self._batches):
+            return None
+        self._next_batch = place + 1
+        return self._batches[place]
 
-    def publish(self, status: Mapping[str, object], /) -> None:
-        """Forget the status: nobody looks at a replay."""
 
+@final
+class TapeLink(Link):
+    """What came then comes now; what is sent last is on its way when the replay stops here."""
 
-class PlayerLink:
-    """The link of a player: what came then comes now, and what is sent stays in the records."""
-
-    def __init__(self, player: Player) -> None:
-        self._player = player
+    def __init__(self, tape: Tape) -> None:
+        self._tape = tape
 
     def send(self, batch: bytes, /) -> None:
-        """Keep the newest batch: it is on its way when the replay stops here."""
-        self._player.sent = batch
+        """Keep the newest batch."""
+        self._tape.sent = batch
 
     def receive(self) -> bytes | None:
         """Return the next batch of this turn."""
-        return next(self._player.batches, None)
+        return self._tape.batch()
 
-    def wait(self, _timeout_ns: int, /) -> bytes | None:
+    def wait(self, timeout_ns: i64, /) -> bytes | None:
         """Return the next batch of this turn at once."""
-        return self.receive()
+        return self._tape.batch()
 
     def peer_alive(self) -> bool:
         """Whether the peer was there, as far as it mattered."""
-        return self._player.alive
+        return self._tape.alive
 
-    def wait_for_peer(self, _timeout_s: float) -> None:
+    def wait_for_peer(self, timeout_s: float, /) -> None:
         """Return at once."""
-
-    def counters(self) -> Mapping[str, int]:
-        """Return nothing: there is no wire."""
-        return {}
 
     def close(self) -> None:
         """Nothing to give back."""
+
+
+@final
+class TapeCommands(CommandSource):
+    """The command of the turn, if there was one."""
+
+    def __init__(self, tape: Tape) -> None:
+        self._tape = tape
+
+    def poll(self) -> tuple[str, bytes] | None:
+        """Return it, once."""
+        command, self._tape.command = self._tape.command, None
+        return command
+
+
+@final
+class Unseen(StatusSink):
+    """Nobody looks at a replay."""
+
+    def publish(self, status: object, /) -> None:
+        """Forget the status."""
+
+
+@final
+class Catch(Recorder):
+    """The records that the loop puts in a turn."""
+
+    def __init__(self) -> None:
+        self._records: list[bytes] = []
+
+    def put(self, data: bytes, /) -> None:
+        """Keep them."""
+        self._records.append(data)
+
+    def taken(self) -> bytes:
+        """Return and forget what the loop has put."""
+        records, self._records = self._records, []
+        return records[0] if len(records) == 1 else b"".join(records)

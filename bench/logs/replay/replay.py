@@ -18,13 +18,15 @@ from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
 from bench.logs.replay.outcome import Found, Gap, Outcome
 from bench.logs.replay.rig import replay_rig
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from hil import log as logs
 from hil.config.check import check_json
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, HilError, LogError
 from hil.log import Log, Span
 from hil.log.part import ALWAYS
+from hil.log.records import FORMAT
 
 WINDOW_S = 0.15
 """How much about the first difference is kept, to show the strokes around it."""
@@ -33,8 +35,11 @@ WINDOW_S = 0.15
 def scenario_of(log: Log, config: Path | None = None) -> Resolved:
     """Return the configuration of a log: its own, or that of a file.
 
-    Raises: LogError when it has none that this version can read
+    Raises: LogError when it has none that this version can read, or is of an older format
     """
+    if log.format is not None and log.format < FORMAT:
+        text = f"it is of log format {log.format}; this version replays {FORMAT}"
+        raise log.error(f"cannot be replayed: {text} (`hil info` and `hil export` read it)")
     if config is not None:
         from bench.run.resolve import resolve
         from hil.config.load import read_scenario
@@ -158,8 +163,8 @@ class _Comparison:
                 continue
             if turn.tick * self._period_ns > span.end_ns:
                 break
-            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick >= 0:
-                self.gaps.append(Gap(self.loop.next_tick, -1))
+            if turn.first_tick >= 0 and turn.first_tick != self.loop.next_tick() >= 0:
+                self.gaps.append(Gap(self.loop.next_tick(), -1))
                 waiting = not self._resumed(turn)
                 continue
             self._compare(turn)

@@ -13,7 +13,7 @@ from typing import Any
 from bench.logs.replay.differences import Difference, same
 from bench.logs.replay.loops import ReplayedController
 from bench.logs.replay.outcome import Found, Outcome
-from bench.logs.replay.turns import Turn
+from bench.logs.replay.turn import Turn
 from hil.config.resolved import Resolved
 from hil.log import Log, Span, topics
 from hil.log.records import PAYLOAD_OFFSET
@@ -48,7 +48,7 @@ def replay_rig(log: Log, scenario: Resolved, span: Span) -> Outcome:
     row: Row | None = None
     for sensor in _rows(log, "/sensor", span):
         tick = _tick(sensor, period_ns)
-        if tick < loop.next_tick:
+        if tick < loop.next_tick():
             raise log.error(f"cannot be replayed: /sensor goes back to tick {tick}")
         first = tick if first < 0 else first
         ticks += 1

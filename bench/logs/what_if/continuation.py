@@ -16,19 +16,20 @@ from typing import Any, NamedTuple
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
 from bench.logs.replay.replay import make, process_of, scenario_of
-from bench.logs.replay.turns import Turn, check_layouts, turns
+from bench.logs.replay.turn import Turn
+from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
 from bench.run import directory as outdir
+from bench.run import offline
 from bench.run.directory import RunFiles
-from bench.run.single_process import turn_of
 from controller.loop import ControllerLoop
 from drivers.links import Connection, open_memory
-from drivers.memory_link import MemoryLink
 from drivers.system.process import open_recorder
 from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, LogError
+from hil.files import Output
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
 from hil.ports import Recorder
@@ -135,7 +136,7 @@ def resume(both: tuple[Log, Log], scenario: Resolved, tick: int) -> Resumed:
     controller_loop, in_flight = _brought_to(both[1], "controller", scenario, tick, notes)
     assert isinstance(plant_loop, ReplayedPlant)
     assert isinstance(controller_loop, ReplayedController)
-    if plant_loop.next_tick != tick:
+    if plant_loop.next_tick() != tick:
         raise both[0].error(f"ends before tick {tick}, or skipped it")
     if scenario.loop.clock == "realtime":
         notes.append("recorded in real time, continued in lockstep: every answer comes in time")
@@ -162,7 +163,7 @@ def _brought_to(
     span = Span(max((start - 1) * period_ns, 0), (tick + 1) * period_ns)
     if not _play(log, loop, turns(log, process, span), (start, tick)):
         notes.append(f"the {process} of today does not repeat the recording up to tick {tick}")
-    return loop, loop.player.sent
+    return loop, loop.tape.sent
 
 
 def _resumed(log: Log, loop: Loop, state: str) -> bool:
@@ -190,10 +191,10 @@ def _play(log: Log, loop: Loop, recorded: Iterator[Turn], between: tuple[int, in
         if turn.tick >= end:
             break
         is_note = turn.first_tick < 0
-        if turn.tick < start if not is_note else loop.next_tick <= start:
+        if turn.tick < start if not is_note else loop.next_tick() <= start:
             continue
-        if not is_note and turn.first_tick != loop.next_tick >= 0:
-            raise log.error(f"ticks are missing between {loop.next_tick} and {end}")
+        if not is_note and turn.first_tick != loop.next_tick() >= 0:
+            raise log.error(f"ticks are missing between {loop.next_tick()} and {end}")
         same = loop.turn(turn) == turn.recorded and same
     return same
 
@@ -217,7 +218,7 @@ def _go_on(resumed: Resumed, wanted: Changed, of: Path, out: Path) -> None:
     """
     outdir.make_directory("--out", out)
     text = wanted.scenario.model_dump_json(indent=1)
-    (out / "scenario.json").write_text(text, encoding="utf-8")
+    Output("--out", out / "scenario.json").write(text)
     more = {"continues": {"of": str(of), "tick": str(resumed.tick), **wanted.told}}
     with contextlib.ExitStack() as stack:
         recorders: dict[str, Any] = {}
@@ -237,9 +238,8 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     scenario = wanted.scenario
     plant_loop = _plant(resumed, wanted, plant_end, recorders["plant"])
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
-    assert isinstance(plant_end.link, MemoryLink)
     controller_end.link.send(resumed.in_flight)
-    plant_end.link.on_send = turn_of(controller_loop, controller_end.link)
+    offline.join(plant_end.link, controller_end.link, controller_loop)
     t_ns = resumed.tick * scenario.loop.period_ns
     for name, memory in (
         ("plant", plant_loop.remember()),

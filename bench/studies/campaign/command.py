@@ -9,10 +9,16 @@ from rich.console import Console
 
 from bench.studies.campaign import config, table
 from bench.studies.campaign import execution as campaigns
-from hil.errors import MissingExtraError
+from hil.errors import ConfigError, MissingExtraError
+from hil.files import Output
+
+_MOST_SHARDS = 1000
 
 
-def run(name: str, out: Path | None, scheduler: str | None, workers: int, runs: int | None) -> int:
+def run(
+    name: str, out: Path | None, scheduler: str | None, workers: int, runs: int | None,
+    shard: str | None = None,
+) -> int:  # fmt: skip
     """Run what is missing, then write table, worst runs and pictures; returns the exit code.
 
     Raises: HilError with the line that the user is told
@@ -25,14 +31,29 @@ def run(name: str, out: Path | None, scheduler: str | None, workers: int, runs: 
         campaign = campaign.model_copy(update={"runs": runs})
     directory = out or Path("runs") / f"campaign-{campaign.name}"
     console = Console(highlight=False)
-    file = campaigns.run(campaign, directory, scheduler, workers, console)
-    rows = campaigns.rows_of(file)
+    file = campaigns.run(campaign, directory, scheduler, workers, console, _shard(shard))
+    if file is None:
+        return 0
+    rows = campaigns.rows_of(file, table.COLUMNS)
     text = table.table(campaign, rows)
-    (directory / "table.md").write_text(text, encoding="utf-8")
+    Output("--out", directory / "table.md", force=True).write(text)
     table.write_worst(campaign, rows, directory / "worst")
     if find_spec("matplotlib") is not None:
         picture = table.draw_distributions(campaign, rows)
-        (directory / "distributions.svg").write_text(picture, encoding="utf-8")
+        Output("--out", directory / "distributions.svg", force=True).write(picture)
     console.print(text, soft_wrap=True, markup=False)
     console.print(f"{file}, table.md, distributions.svg and worst/ beside it")
     return 0
+
+
+def _shard(text: str | None) -> campaigns.Shard:
+    """Read K/N.
+
+    Raises: ConfigError
+    """
+    if text is None:
+        return campaigns.WHOLE
+    number, _, of = text.partition("/")
+    if not (number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= _MOST_SHARDS):
+        raise ConfigError(f"--shard {text}: accepted K/N, K from 1 to N, N up to {_MOST_SHARDS}")
+    return campaigns.Shard(int(number), int(of))

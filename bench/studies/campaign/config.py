@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.choice import check_name
 from hil import compiled
 from hil.config.base import OneOf, Section, Tree, read_toml
+from hil.config.check import check
 from hil.config.controller import LawName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
@@ -69,8 +70,28 @@ class MisfireSpread(Section):
     probability: float = Field(default=0.01, ge=0.0, le=0.5)
 
 
+class StopRule(Section):
+    """When fewer runs than `runs` are enough: once every law's interval of confidence is narrow.
+
+    figure: a share of the runs (`lost`, `contacts`), or the mean of a figure over those that have
+    it; half_width: of the interval, in the figure's unit; least: runs of each law before a look
+    """
+
+    figure: Literal[
+        "lost", "contacts", "peak_mm", "settling_band_ms", "settling_mean_ms", "sigma_mm", "mean_mm"
+    ] = "lost"
+    half_width: float = Field(gt=0.0, le=1e6)
+    confidence: float = Field(default=0.95, ge=0.5, le=0.9999)
+    least: int = Field(default=200, ge=10, le=1_000_000)
+
+    @property
+    def is_share(self) -> bool:
+        """Whether the figure is a yes or no of each run."""
+        return self.figure in ("lost", "contacts")
+
+
 class Campaign(Section):
-    """A campaign: how many runs of what, and what varies."""
+    """A campaign: how many runs of what, and what varies; with a stopping rule at most so many."""
 
     name: str = Field(default="campaign", pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
     scenario: str = "steady"
@@ -82,6 +103,7 @@ class Campaign(Section):
     prototypes: tuple[TwoChambers, ...] = (DEFAULT.name,)
     load: LoadSpread = LoadSpread()
     misfires: MisfireSpread | None = None
+    stop: StopRule | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)
     vary: dict[str, Spread] = Field(default_factory=dict)
 
@@ -97,12 +119,7 @@ def read(name: str) -> Campaign:
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
         raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
-    try:
-        campaign = Campaign.model_validate(read_toml(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{path}: {key}: {first['msg']}") from None
+    campaign = check(Campaign, read_toml(path), str(path))
     for law in campaign.controllers:
         check_name(law, f"{path}: controllers")
     return campaign

@@ -7,79 +7,137 @@ DIR/results.parquet    all of them, by run; DIR/table.md; DIR/distributions.svg;
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.run import directory as outdir
 from bench.studies.campaign.config import Campaign, draw, scenario_of
 from bench.studies.campaign.run import Row, run_many
+from bench.studies.campaign.stopping import Watch
+from hil.config.check import check_json
 from hil.errors import ConfigError, MissingExtraError, RunError
+from hil.files import Output, read_regular
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-PART = 20
-"""Runs of a part: at most one part a worker is lost when a campaign is killed."""
+PART, MOST_PARTS = 20, 1000
+"""Runs of a part at least: at most one part a worker is lost when a campaign is killed."""
 
 _LOOKS, _LOOK_S = 8, 0.05
 """After an interrupt, for workers that are coming up."""
+
+RESULTS = ("results.parquet", "table.md", "distributions.svg")
+"""What is written anew each time that a campaign goes on in its directory, and in no other."""
+
+
+class Shard(NamedTuple):
+    """Which part of a campaign this machine runs: the first of so many is 1/so many."""
+
+    number: int
+    of: int
+
+
+WHOLE = Shard(1, 1)
 
 AHEAD = 3
 """Parts a worker has waiting, so that it never waits for the driver."""
 
 
 def run(
-    campaign: Campaign, directory: Path, scheduler: str | None, workers: int, console: Console
-) -> Path:
+    campaign: Campaign, directory: Path, scheduler: str | None, workers: int, console: Console,
+    shard: Shard = WHOLE,
+) -> Path | None:  # fmt: skip
     """Run what is not there yet, then put the parts together; returns the results file.
 
+    A shard runs every so manieth part only; None as long as parts of others are not there.
     Raises: ConfigError when the directory holds another campaign; RunError when a worker failed
     """
     scenario_of(campaign, draw(campaign, 0))  # a key that is wrong is told before anything is made
     _claim(campaign, directory)
     parts = directory / "parts"
     parts.mkdir(exist_ok=True)
-    for leftover in parts.glob("*.tmp"):
+    for leftover in parts.glob(".part-*") if shard == WHOLE else ():  # others may be writing
         leftover.unlink()
-    todo = [n for n in range(part_count(campaign)) if not _part_file(parts, n).exists()]
-    if todo:
+    done = _finished(parts, range(part_count(campaign)))
+    watch = _watch_of(campaign, done)
+    todo = [n for n in range(part_count(campaign))
+            if n % shard.of == shard.number - 1 and n not in done]  # fmt: skip
+    if todo and watch.end is None:
         with _cluster(scheduler, workers) as client, _bar(console, campaign, todo) as advance:
-            for number, rows in _computed(client, campaign, todo):
-                _write_part(parts, number, rows)
+            for number, rows in _computed(client, campaign, todo, watch):
+                done[number] = _write_part(parts, number, rows)
                 advance(len(rows))
-    return _merge(directory, parts, campaign)
+                watch.take(number, rows)
+    end = part_count(campaign) if watch.end is None else watch.end
+    if campaign.stop is not None:
+        console.print(f"{campaign.stop.figure}: {watch.told()}", soft_wrap=True, markup=False)
+    done |= _finished(parts, [n for n in range(end) if n not in done])
+    missing = sum(1 for n in range(end) if n not in done)
+    if missing:
+        console.print(f"shard {shard.number}/{shard.of} done; {missing} parts of others missing")
+        return None
+    return _merge(directory, [done[n] for n in range(end)], campaign)
+
+
+def _watch_of(campaign: Campaign, done: dict[int, Path]) -> Watch:
+    """The stopping rule with what is there already."""
+    watch = Watch(campaign.stop, campaign.controllers)
+    if campaign.stop is not None:
+        columns = ["set_controller", campaign.stop.figure]
+        for number, file in sorted(done.items()):
+            watch.take(number, rows_of(file, columns))
+    return watch
+
+
+def part_size(campaign: Campaign) -> int:
+    """Runs of a part: few, so that little is lost, but no more than a thousand parts or so."""
+    return max(PART, -(-campaign.runs // MOST_PARTS))
 
 
 def part_count(campaign: Campaign) -> int:
     """Number of parts of a campaign."""
-    return -(-campaign.runs // PART)
+    return -(-campaign.runs // part_size(campaign))
 
 
 def indices_of(campaign: Campaign, number: int) -> list[int]:
     """The runs of a part."""
-    return list(range(number * PART, min((number + 1) * PART, campaign.runs)))
+    size = part_size(campaign)
+    return list(range(number * size, min((number + 1) * size, campaign.runs)))
 
 
 def _claim(campaign: Campaign, directory: Path) -> None:
     """Make the directory this campaign's, or see that it is."""
     outdir.make_directory("--out", directory)
-    file = directory / "campaign.json"
+    file = Output("--out", directory / "campaign.json")
     text = campaign.model_dump_json(indent=1)
-    if not file.exists():
-        file.write_text(text, encoding="utf-8")
-    elif json.loads(file.read_text(encoding="utf-8")) != json.loads(text):
+    if not file.path.exists():
+        outdir.claim("--out", directory, RESULTS, force=False)
+        file.write(text)
+    elif check_json(Campaign, read_regular(file.path), str(file.path)) != campaign:
         raise ConfigError(f"{directory}: holds another campaign; choose another --out")
 
 
-def _part_file(parts: Path, number: int) -> Path:
-    return parts / f"part-{number:05d}.parquet"
+def _finished(parts: Path, numbers: Iterable[int]) -> dict[int, Path]:
+    """Return the parts that are done; one that does not have the CRC in its name is none."""
+    found = {}
+    for number in numbers:
+        for file in _files_of(parts, number):
+            with suppress(OSError):
+                if file.stem.endswith(f"-{zlib.crc32(file.read_bytes()):08x}"):
+                    found[number] = file
+    return found
+
+
+def _files_of(parts: Path, number: int) -> list[Path]:
+    return sorted(parts.glob(f"part-{number:05d}-*.parquet"))
 
 
 @contextmanager
@@ -146,8 +204,9 @@ def _computed(
     client: Any,  # noqa: ANN401
     campaign: Campaign,
     todo: list[int],
+    watch: Watch,
 ) -> Iterator[tuple[int, list[Row]]]:
-    """Parts as they are finished; a few are always waiting, never all."""
+    """Parts as they are finished, until enough is known; a few are always waiting, never all."""
     import distributed
 
     library: Any = distributed
@@ -165,6 +224,8 @@ def _computed(
         if future.status != "finished":
             raise RunError(f"part {numbers[future.key]} of the campaign: {future.exception()}")
         yield numbers[future.key], future.result()
+        if watch.end is not None:
+            return
         following = next(waiting, None)
         if following is not None:
             pending.add(submit(following))
@@ -190,34 +251,39 @@ def _bar(console: Console, campaign: Campaign, todo: list[int]) -> Iterator[Any]
         yield lambda count: progress.advance(task, count)
 
 
-def _write_part(parts: Path, number: int, rows: list[Row]) -> None:
-    """Write a part whole: under another name first."""
+def _write_part(parts: Path, number: int, rows: list[Row]) -> Path:
+    """Write a part whole, its CRC-32 in its name, in the place of a damaged one."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file = _part_file(parts, number)
-    unfinished = file.with_suffix(".tmp")
-    pq.write_table(pa.Table.from_pylist(rows), unfinished)
-    unfinished.rename(file)
+    for damaged in _files_of(parts, number):
+        damaged.unlink()
+    stream = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows), stream)
+    data = stream.getvalue().to_pybytes()
+    name = f"part-{number:05d}-{zlib.crc32(data):08x}.parquet"
+    Output("--out", parts / name, force=True).write(data)
+    return parts / name
 
 
-def _merge(directory: Path, parts: Path, campaign: Campaign) -> Path:
-    """All parts in one file, ordered by run."""
+def _merge(directory: Path, files: Sequence[Path], campaign: Campaign) -> Path:
+    """The parts in one file, ordered by run."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tables = [pq.read_table(_part_file(parts, n)) for n in range(part_count(campaign))]
+    tables = [pq.read_table(file) for file in files]
     merged = pa.concat_tables(tables, promote_options="permissive").sort_by("run")
-    file = directory / "results.parquet"
-    unfinished = directory / "results.tmp"
-    pq.write_table(merged, unfinished)
-    unfinished.rename(file)
-    return file
+    if merged.num_rows != min(len(files) * part_size(campaign), campaign.runs):
+        raise ConfigError(f"{directory}: its parts are of another size; choose another --out")
+    file = Output("--out", directory / "results.parquet", force=True)
+    with file.writing() as beside:
+        pq.write_table(merged, beside)
+    return file.path
 
 
-def rows_of(file: Path) -> list[Row]:
-    """The results as rows."""
+def rows_of(file: Path, columns: Sequence[str] | None = None) -> list[Row]:
+    """The results as rows, with all columns or some."""
     import pyarrow.parquet as pq
 
-    rows: list[Row] = pq.read_table(file).to_pylist()
+    rows: list[Row] = pq.read_table(file, columns=columns).to_pylist()
     return rows

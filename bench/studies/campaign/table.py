@@ -11,6 +11,7 @@ import numpy as np
 
 from bench.studies.campaign.config import Campaign, draw, tree_of
 from bench.studies.campaign.run import Row
+from hil.files import Output
 
 WORST = 3
 """Runs named for each law, by peak and by settling."""
@@ -23,6 +24,12 @@ FIGURES = (
     ("fuel_sigma_mg", "fuel sigma", "{:.3f}"),
 )
 QUANTILES = (50, 95, 100)
+
+COLUMNS = (
+    "run", "set_controller", "lost", "mode", "note", "contacts", "misfires", "forced_misfires",
+    *(key for key, _, _ in FIGURES),
+)  # fmt: skip
+"""All that table and pictures are made of."""
 
 _LEGEND = (
     "Distributions: median / 95 % / worst of the runs that were not lost. Settling: `band` to"
@@ -109,8 +116,8 @@ def write_worst(campaign: Campaign, rows: Sequence[Row], directory: Path) -> Non
             tree = tree_of(campaign, draw(campaign, row["run"]))
             tree["name"] = f"{campaign.name}-{row['run']:06d}"
             tree.setdefault("link", {})["kind"] = "memory"
-            file = directory / f"{row['run']:06d}.toml"
-            file.write_text(to_toml(tree), encoding="utf-8")
+            file = Output("--out", directory / f"{row['run']:06d}.toml", force=True)
+            file.write(to_toml(tree))
 
 
 def to_toml(tree: dict[str, Any]) -> str:

@@ -10,10 +10,11 @@ from typing import Any, Final, final
 
 from mypy_extensions import i64
 
-from hil.wire.e2e import counter_marks, crc8
+from hil.rounding import SHIFT
+from hil.wire.e2e import BYTE_7, PAIR_1_2, PAIR_3_4, PAIR_5_6, counter_marks
 from hil.wire.fields import LAYOUTS
 from hil.wire.messages import PistonSample, PlantTick
-from hil.wire.stream import ROUND, Stream, refuse
+from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
 
@@ -33,6 +34,7 @@ class PlantTickStream(Stream[PlantTick]):
     def pack(self, message: PlantTick) -> i64:
         """Return the bare word of a message."""
         word: i64 = 0
+        raw: i64
         tick = message.tick
         if not 0 <= tick <= 4294967295:
             refuse(message, "tick")
@@ -46,47 +48,51 @@ class PlantTickStream(Stream[PlantTick]):
             refuse(message, "slow")
         word |= slow << 47
         if slow == 0:
-            electric_power_w = (message.electric_power_w / 1.0 + ROUND) - ROUND
+            electric_power_w = (message.electric_power_w / 1.0 + SHIFT) - SHIFT
             if not -16384.0 <= electric_power_w <= 16383.0:
                 refuse(message, "electric_power_w")
-            word |= int(electric_power_w) << 49
+            raw = int(electric_power_w)
+            word |= raw << 49
         if slow == 1:
-            p_left_pa = (message.p_left_pa / 1000.0 + ROUND) - ROUND
+            p_left_pa = (message.p_left_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_left_pa <= 32767.0:
                 refuse(message, "p_left_pa")
-            word |= ((int(p_left_pa) ^ 16384) - 16384) << 49
+            raw = int(p_left_pa)
+            word |= ((raw ^ 16384) - 16384) << 49
         if slow == 2:
-            p_right_pa = (message.p_right_pa / 1000.0 + ROUND) - ROUND
+            p_right_pa = (message.p_right_pa / 1000.0 + SHIFT) - SHIFT
             if not 0.0 <= p_right_pa <= 32767.0:
                 refuse(message, "p_right_pa")
-            word |= ((int(p_right_pa) ^ 16384) - 16384) << 49
-        return word | crc8(word)
+            raw = int(p_right_pa)
+            word |= ((raw ^ 16384) - 16384) << 49
+        return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
 
-    def unpack(self, word: i64) -> PlantTick | None:
-        """Return the message of a bare word, None when a value is out of range."""
-        raw = word >> 12 & 4294967295
-        tick = raw
-        raw = word >> 44 & 7
-        if not 1 <= raw <= 7:
-            return None
-        frame_count = raw
-        raw = word >> 47 & 3
-        if not 0 <= raw <= 2:
-            return None
-        slow = raw
+    def take(self, counter: i64, word: i64) -> bool:
+        """Go on from a bare word if its CRC is right."""
+        if (PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]) != word & 0xFFF:
+            return False
+        self.counter, self.bare, self.message = counter, word, None
+        tick = word >> 12 & 4294967295
+        frame_count = word >> 44 & 7
+        if not 1 <= frame_count <= 7:
+            return True
+        slow = word >> 47 & 3
+        if not 0 <= slow <= 2:
+            return True
         electric_power_w = _NAN
         if slow == 0:
-            raw = (word >> 49 & 32767 ^ 16384) - 16384
-            electric_power_w = float(raw) * 1.0
+            electric_power_w_raw: int = (word >> 49 & 32767 ^ 16384) - 16384
+            electric_power_w = electric_power_w_raw * 1.0
         p_left_pa = _NAN
         if slow == 1:
-            raw = word >> 49 & 32767
-            p_left_pa = float(raw) * 1000.0
+            p_left_pa_raw: int = word >> 49 & 32767
+            p_left_pa = p_left_pa_raw * 1000.0
         p_right_pa = _NAN
         if slow == 2:
-            raw = word >> 49 & 32767
-            p_right_pa = float(raw) * 1000.0
-        return PlantTick(tick, frame_count, slow, electric_power_w, p_left_pa, p_right_pa)
+            p_right_pa_raw: int = word >> 49 & 32767
+            p_right_pa = p_right_pa_raw * 1000.0
+        self.message = PlantTick(tick, frame_count, slow, electric_power_w, p_left_pa, p_right_pa)
+        return True
 
 
 _PISTON_SAMPLE_MARKS: Final = counter_marks(LAYOUTS[0x101].data_ids)
@@ -104,33 +110,39 @@ class PistonSampleStream(Stream[PistonSample]):
     def pack(self, message: PistonSample) -> i64:
         """Return the bare word of a message."""
         word: i64 = 0
-        x_m = (message.x_m / 1e-08 + ROUND) - ROUND
+        raw: i64
+        x_m = (message.x_m / 1e-08 + SHIFT) - SHIFT
         if not -8000000.0 <= x_m <= 8000000.0:
             refuse(message, "x_m")
-        word |= (int(x_m) & 16777215) << 12
-        v_m_s = (message.v_m_s / 1e-06 + ROUND) - ROUND
+        raw = int(x_m)
+        word |= (raw & 16777215) << 12
+        v_m_s = (message.v_m_s / 1e-06 + SHIFT) - SHIFT
         if not -8000000.0 <= v_m_s <= 8000000.0:
             refuse(message, "v_m_s")
-        word |= (int(v_m_s) & 16777215) << 36
+        raw = int(v_m_s)
+        word |= (raw & 16777215) << 36
         unheard = message.unheard
         if not 0 <= unheard <= 15:
             refuse(message, "unheard")
         word |= ((unheard ^ 8) - 8) << 60
-        return word | crc8(word)
+        return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
 
-    def unpack(self, word: i64) -> PistonSample | None:
-        """Return the message of a bare word, None when a value is out of range."""
-        raw = (word >> 12 & 16777215 ^ 8388608) - 8388608
-        if not -8000000 <= raw <= 8000000:
-            return None
-        x_m = float(raw) * 1e-08
-        raw = (word >> 36 & 16777215 ^ 8388608) - 8388608
-        if not -8000000 <= raw <= 8000000:
-            return None
-        v_m_s = float(raw) * 1e-06
-        raw = word >> 60 & 15
-        unheard = raw
-        return PistonSample(x_m, v_m_s, unheard)
+    def take(self, counter: i64, word: i64) -> bool:
+        """Go on from a bare word if its CRC is right."""
+        if (PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]) != word & 0xFFF:
+            return False
+        self.counter, self.bare, self.message = counter, word, None
+        x_m_raw: int = (word >> 12 & 16777215 ^ 8388608) - 8388608
+        if not -8000000 <= x_m_raw <= 8000000:
+            return True
+        x_m = x_m_raw * 1e-08
+        v_m_s_raw: int = (word >> 36 & 16777215 ^ 8388608) - 8388608
+        if not -8000000 <= v_m_s_raw <= 8000000:
+            return True
+        v_m_s = v_m_s_raw * 1e-06
+        unheard = word >> 60 & 15
+        self.message = PistonSample(x_m, v_m_s, unheard)
+        return True
 
 
 STREAMS: Final[dict[type, Callable[[], Stream[Any]]]] = {

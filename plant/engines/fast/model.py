@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, final
 
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.values import Value
-from plant.engines.fast import paths
+from plant.engines.fast import nonlinear, paths
 from plant.engines.fast.combustion import Burn, energy_j
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import limit_cycle
@@ -82,13 +83,17 @@ class FastEngine(Engine):
         tau = m.tau_s + dt_s
         if not m.moving:
             return Motion(m.x_m, m.v_m_s, tau, False, 0, inner)
-        path = inner.path
-        if not isinstance(path, Segment) or path.regime != UNDERDAMPED:
-            return None
-        x, v = evaluate(path, tau)
-        direction = inner.burn.direction
-        if v * direction <= 0.0 or x * direction >= self.constants.contact_m:
-            return None
+        path, direction = inner.path, inner.burn.direction
+        if isinstance(path, Segment):
+            if path.regime != UNDERDAMPED:
+                return None
+            x, v = evaluate(path, tau)
+            if v * direction <= 0.0 or x * direction >= self.constants.contact_m:
+                return None
+        else:
+            x, v, _, stop = nonlinear.advance(path, m.x_m, m.v_m_s, dt_s, direction)
+            if stop != NO_STOP or abs(v) <= REST_M_S:
+                return None
         return Motion(x, v, tau, True, direction, inner)
 
     def advance(self, m: Motion, inputs: Inputs, ahead: Ahead) -> Moved:
@@ -181,8 +186,8 @@ class FastEngine(Engine):
         """
         k, burn = self.constants, _state(m).burn
         size, gamma = k.half_stroke_m, k.gamma
-        left = (size / max(size + m.x_m, NEAREST_M)) ** gamma
-        right = (size / max(size - m.x_m, NEAREST_M)) ** gamma
+        left = math.pow(size / max(size + m.x_m, NEAREST_M), gamma)
+        right = math.pow(size / max(size - m.x_m, NEAREST_M), gamma)
         burnt = burn.energy_j / (k.area_m2 * size)
         p_left = k.p0_pa + (burnt if burn.direction > 0 else 0.0)
         p_right = k.p0_pa + (burnt if burn.direction < 0 else 0.0)

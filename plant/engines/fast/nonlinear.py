@@ -7,6 +7,7 @@ with the exponent of 5.18 and 5.19 corrected to gamma.
 
 from __future__ import annotations
 
+import math
 from typing import Final, final
 
 from hil.roots import falling_zero
@@ -49,8 +50,8 @@ class GasPath(Value):
 def acceleration(path: GasPath, x: float, v: float) -> float:
     """Return x'' at (x, v)."""
     n, size = path.exponent, path.half_stroke_m
-    a = path.left * (size + x) ** n - path.right * (size - x) ** n
-    return float(a - path.damping * v + path.push)
+    a = path.left * math.pow(size + x, n) - path.right * math.pow(size - x, n)
+    return a - path.damping * v + path.push
 
 
 def rk4(path: GasPath, x: float, v: float, h: float) -> tuple[float, float]:
@@ -58,13 +59,13 @@ def rk4(path: GasPath, x: float, v: float, h: float) -> tuple[float, float]:
     left, right, n = path.left, path.right, path.exponent
     d, push, size = path.damping, path.push, path.half_stroke_m
     half = 0.5 * h
-    a1 = left * (size + x) ** n - right * (size - x) ** n - d * v + push
+    a1 = left * math.pow(size + x, n) - right * math.pow(size - x, n) - d * v + push
     x2, v2 = x + half * v, v + half * a1
-    a2 = left * (size + x2) ** n - right * (size - x2) ** n - d * v2 + push
+    a2 = left * math.pow(size + x2, n) - right * math.pow(size - x2, n) - d * v2 + push
     x3, v3 = x + half * v2, v + half * a2
-    a3 = left * (size + x3) ** n - right * (size - x3) ** n - d * v3 + push
+    a3 = left * math.pow(size + x3, n) - right * math.pow(size - x3, n) - d * v3 + push
     x4, v4 = x + h * v3, v + h * a3
-    a4 = left * (size + x4) ** n - right * (size - x4) ** n - d * v4 + push
+    a4 = left * math.pow(size + x4, n) - right * math.pow(size - x4, n) - d * v4 + push
     sixth = h / 6.0
     return x + sixth * (v + 2.0 * (v2 + v3) + v4), v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
 

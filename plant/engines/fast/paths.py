@@ -53,8 +53,8 @@ def path_of(
 def gas_path(constants: Constants, burn: Burn, c: float, force: float) -> GasPath:
     """A p0 Ls^gamma, plus E Ls^(gamma-1) on the side that fired     (thesis eqs. 5.21, 5.22)."""
     gamma, size, m = constants.gamma, constants.half_stroke_m, constants.mass_kg
-    spring = constants.area_m2 * constants.p0_pa * size**gamma / m
-    burnt = burn.energy_j * size ** (gamma - 1.0) / m
+    spring = constants.area_m2 * constants.p0_pa * math.pow(size, gamma) / m
+    burnt = burn.energy_j * math.pow(size, gamma - 1.0) / m
     left = spring + (burnt if burn.direction > 0 else 0.0)
     right = spring + (burnt if burn.direction < 0 else 0.0)
     return GasPath(left, right, -gamma, damping=c / m, push=force / m, half_stroke_m=size)
@@ -84,9 +84,9 @@ def net_force_n(constants: Constants, x: float, force: float) -> float:
     if constants.model != NONLINEAR:
         return force - constants.rest_stiffness_n_m * x
     size = constants.half_stroke_m
-    spring = constants.area_m2 * constants.p0_pa * size**constants.gamma
-    left, right = (size + x) ** -constants.gamma, (size - x) ** -constants.gamma
-    return float(spring * (left - right) + force)
+    spring = constants.area_m2 * constants.p0_pa * math.pow(size, constants.gamma)
+    left, right = math.pow(size + x, -constants.gamma), math.pow(size - x, -constants.gamma)
+    return spring * (left - right) + force
 
 
 def remaining_s(

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil.errors import ConfigError, MissingExtraError
+from hil.files import read_regular
 from plant.engines.fmu.contract import ORIGIN
 
 _VERSIONS = ("2", "3")
@@ -53,12 +56,15 @@ def open_archive(path: Path, sha256: str = "") -> Archive:
     """
     fmpy = library()
     try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        entries = zipfile.ZipFile(path).namelist()
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror or error}") from None
-    except zipfile.BadZipFile:
-        raise ConfigError(f"{path}: no Functional Mock-up Unit (not a ZIP file)") from None
+        data = read_regular(path)
+        digest = hashlib.sha256(data).hexdigest()
+        with zipfile.ZipFile(BytesIO(data)) as archive:
+            entries = archive.namelist()
+            damaged = archive.testzip()
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
+        raise ConfigError(f"{path}: no Functional Mock-up Unit (not a ZIP file: {error})") from None
+    if damaged is not None:
+        raise ConfigError(f"{path}: {damaged}: the checksum (CRC) does not match")
     if sha256 and digest != sha256:
         raise ConfigError(f"{path}: is another file than the one of the run (SHA-256 {sha256})")
     try:

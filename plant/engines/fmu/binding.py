@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
@@ -82,7 +83,14 @@ def _conversion(
     given = {name: getattr(base, name) for name in _EXPONENTS if getattr(base, name)}
     if given != BASE_UNITS[wanted.unit]:
         raise ConfigError(f"{text}: is in {unit}; accepted: {wanted.unit} or a multiple of it")
-    return float(base.factor), float(base.offset)
+    try:
+        factor, offset = float(base.factor), float(base.offset)
+    except (TypeError, ValueError):
+        factor = offset = math.nan
+    if not (math.isfinite(factor) and math.isfinite(offset)) or factor == 0.0:
+        told = f"{unit} is {base.factor} times its base unit, offset {base.offset}"
+        raise ConfigError(f"{text}: {told}; accepted: finite numbers, the factor not 0")
+    return factor, offset
 
 
 def parameters(description: Any, given: Mapping[str, float], origin: str) -> list[Bound]:  # noqa: ANN401

@@ -203,7 +203,7 @@ def _state(m: Motion) -> UnitState:
 
 def _told(inputs: Inputs) -> tuple[float, ...]:
     """The unit's inputs in the order of the contract."""
-    sparks = [ns / _SECOND_NS if ns >= 0 else _NO_SPARK_S for ns in inputs.spark_ns]
+    sparks = [float(ns) / _SECOND_NS if ns >= 0 else _NO_SPARK_S for ns in inputs.spark_ns]
     machine = inputs.machine
     return (machine.force_n, machine.load_coefficient_n_s_m, *inputs.fuel_kg, *sparks)
 

@@ -183,6 +183,20 @@ class Unit:
         except self._fault as error:
             raise RunError(f"{self.path}: the step from {t_s:.6f} s failed: {error}") from None
 
+    def read_all(self) -> None:
+        """Read every real variable that the description names, once it has begun.
+
+        Raises: ConfigError naming the one that is not there
+        """
+        get = self._fmu.getFloat64 if self._three else self._fmu.getReal
+        for variable in self._archive.description.modelVariables:
+            if variable.type in _REALS and not variable.dimensions:
+                try:
+                    get([variable.valueReference])
+                except self._fault as error:
+                    told = f"{self.path}: variable {variable.name} cannot be read: {error}"
+                    raise ConfigError(told) from None
+
     def remember(self) -> bytes:
         """Return its whole state, b"" when it cannot give it."""
         if not self.restores:
