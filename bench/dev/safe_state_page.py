@@ -39,9 +39,9 @@ _PREFACE = (
 
 _NOTES = (
     "Out of it leads a start, on both sides: the plant waits until it has heard its controller in",
-    "a mode that fires nothing, and then in one that may (`hil/wire/latch.py`). With `safety.rearm`,",
-    "for benches without an operator, the plant goes on when answers return, and a controller that",
-    "was killed resumes; the log names the option.",
+    "a mode that fires nothing, and then in one that may (`hil/wire/latch.py`). With",
+    "`safety.rearm`, for benches without an operator, the plant goes on when answers return, and a",
+    "controller that was killed resumes; the log names the option.",
     "",
     f"Silence is a time: {STALE_S * 1e3:g} ms unless given, and at least {LEAST_STALE_TICKS} ticks."
     " It counts on both sides what has not",
