@@ -113,14 +113,13 @@ async def _start(
 async def _collect(children: list[Child], files: RunFiles, timeout_s: float) -> None:
     """Wait for the recorders, which outlive their processes, and keep what was said.
 
-    One that has not finished within the time goes on by itself.
+    One that has not finished within the time, which is for all of them, goes on by itself.
     """
-    for log in (files.plant_log, files.controller_log):
-        if log.exists():
-            with contextlib.suppress(RunError):
-                await asyncio.to_thread(wait_finished, log, timeout_s)
+    logs = [log for log in (files.plant_log, files.controller_log) if log.exists()]
+    waits = [asyncio.to_thread(wait_finished, log, timeout_s) for log in logs]
+    drains = [child.drain(timeout_s) for child in children]
+    await asyncio.gather(*waits, *drains, return_exceptions=True)
     for child in children:
-        await child.drain(timeout_s)
         if child.errors:
             Output("--out", files.errors_of(child.name), force=True).write(child.errors)
 

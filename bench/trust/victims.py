@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.run.directory import RunFiles
+from drivers.can.virtual.directory import DIRECTORY_VARIABLE
 
 LINKS: Final = ("zenoh", "memory", "shm", "can")
 PATIENCE_S: Final = 40.0
@@ -44,6 +45,7 @@ class Victim:
             ["bash", "-c", f'{limit}; exec "$@"', "-", *words, *arguments, "--out", str(out)],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             text=True, start_new_session=True,
+            env={**os.environ, DIRECTORY_VARIABLE: str(out.parent / "can")},
         )  # fmt: skip
         self._seen: dict[str, int] = {}
 

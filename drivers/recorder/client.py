@@ -190,7 +190,7 @@ class Recorder(ports.Recorder):
         number = succession.set_aside(self._path)
         out = open_output(self._path, forget=False)
         control = self._control
-        self._producer, self._control, self._process = joined(out, self._config, number + 1)
+        _, self._control, self._process = joined(out, self._config, number + 1, self._producer)
         control.close()
         self._put, self._gone = self._producer.put, False
         self._poll = select.poll()

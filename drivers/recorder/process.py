@@ -51,6 +51,11 @@ class Sink:
         """Log time of the last record written [ns]."""
         return self._last[1]
 
+    @property
+    def pending(self) -> int:
+        """Bytes that were taken and are not written yet."""
+        return len(self._pending)
+
     def add(self, data: bytes) -> None:
         """Take bytes from the ring, which may end within a record."""
         if self.error is not None:
@@ -119,6 +124,7 @@ def _drain(
         rests = deferred and not ended and ring.waiting < _DEFERRED_FILL * ring.capacity
         data = b"" if rests else ring.read(chunk_bytes, final=ended)
         sink.add(data)
+        ring.note_written(sink.pending)
         if ring.dropped_before:
             sink.note(ring.loss)
         if len(data) == chunk_bytes:

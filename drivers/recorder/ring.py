@@ -20,6 +20,7 @@ from mypy_extensions import i64
 PAGE = 4096
 _TAIL, _HEAD, _DROPPED, _CLOSED = 0, 8, 16, 24  # places of 8 bytes; one cache line each
 _DROPPED_BYTES, _DROPPED_FROM, _DROPPED_TO = 17, 18, 19
+_WRITTEN = 32  # up to here everything is in a file, to the end of a record
 
 
 class Loss(NamedTuple):
@@ -53,9 +54,10 @@ def _map(fd: int) -> tuple[memoryview, memoryview]:
 class Producer:
     """The writing end: `put` never blocks and never makes a system call."""
 
-    __slots__ = ("_bytes", "_capacity", "_counters", "_limit", "_mask", "_tail")
+    __slots__ = ("_bytes", "_capacity", "_counters", "_limit", "_mask", "_tail", "fd")
 
     def __init__(self, fd: int) -> None:
+        self.fd = os.dup(fd)
         self._counters, self._bytes = _map(fd)
         self._capacity: i64 = len(self._bytes)
         self._mask: i64 = self._capacity - 1
@@ -108,9 +110,22 @@ class Producer:
         """Bytes that were put and not yet read."""
         return self._tail - self._counters[_HEAD]
 
+    def rewind(self) -> None:
+        """Let another consumer begin with what the one before has read and not written.
+
+        If that has been overwritten by now, with what is put next.
+        """
+        written: i64 = self._counters[_WRITTEN]
+        head = written if self._tail - written <= self._capacity else self._tail
+        self._counters[_HEAD] = self._counters[_WRITTEN] = head
+        self._limit = head + self._capacity
+
     def close(self) -> None:
         """Tell the other side that nothing more will come, and on purpose."""
         self._counters[_CLOSED] = 1
+        if self.fd >= 0:
+            os.close(self.fd)
+            self.fd = -1
 
 
 class Consumer:
@@ -153,6 +168,10 @@ class Consumer:
             data += self._bytes[: count - len(data)]
         self._head = self._counters[_HEAD] = head + count
         return data
+
+    def note_written(self, pending: int) -> None:
+        """Take note that all but the last bytes that were read are in a file."""
+        self._counters[_WRITTEN] = self._head - pending
 
     @property
     def waiting(self) -> int:

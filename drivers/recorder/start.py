@@ -32,13 +32,19 @@ def describe(topics: Sequence[Topic]) -> dict[str, Any]:
 
 
 def joined(
-    out: int, config: Mapping[str, Any], segment: int | None = None
-) -> tuple[ring.Producer, socket.socket, subprocess.Popen[bytes] | None]:
-    """Start a recorder process on an open file; returns the ring to it and what belongs to it."""
-    ring_fd = ring.create(config["ring_bytes"])
+    out: int, config: Mapping[str, Any], segment: int | None = None,
+    producer: ring.Producer | None = None,
+) -> tuple[ring.Producer, socket.socket, subprocess.Popen[bytes] | None]:  # fmt: skip
+    """Start a recorder process on an open file; returns the ring to it and what belongs to it.
+
+    Parameters: producer : of a ring whose recorder was lost, with what that one has not written
+    """
+    ring_fd = ring.create(config["ring_bytes"]) if producer is None else os.dup(producer.fd)
     try:
+        if producer is not None:
+            producer.rewind()
         control, process = _start({**config, "out": out, "ring": ring_fd, "segment": segment})
-        return ring.Producer(ring_fd), control, process
+        return producer or ring.Producer(ring_fd), control, process
     finally:
         os.close(ring_fd)
         os.close(out)

@@ -95,3 +95,26 @@ def test_counts_and_the_end_reach_the_other_side():
 def test_a_capacity_that_cannot_be_masked_is_refused(capacity):
     with pytest.raises(ValueError, match="a power of two"):
         ring.create(capacity)
+
+
+def test_another_consumer_begins_with_what_the_one_before_had_not_written():
+    fd = ring.create(ring.PAGE)
+    producer, lost = ring.Producer(fd), ring.Consumer(fd)
+    producer.put(b"written" + b"read only")
+    lost.read(ring.PAGE, final=True)
+    lost.note_written(len(b"read only"))
+    producer.put(b" and waiting")
+    producer.rewind()
+    assert ring.Consumer(fd).read(ring.PAGE, final=True) == b"read only and waiting"
+
+
+def test_what_was_overwritten_meanwhile_is_given_up_at_the_bound_of_a_put():
+    fd = ring.create(ring.PAGE)
+    producer, lost = ring.Producer(fd), ring.Consumer(fd)
+    producer.put(b"a" * 100)
+    lost.read(ring.PAGE, final=True)
+    lost.note_written(100)
+    producer.put(b"b" * (ring.PAGE - 50))
+    producer.rewind()
+    producer.put(b"next")
+    assert ring.Consumer(fd).read(ring.PAGE, final=True) == b"next"

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from bench.trust import page
+from bench.trust import damage, kills, page, victims
 from bench.trust.attack import Attack, Field, Tally
 from hil.files import Output
 
@@ -41,3 +41,18 @@ def test_few_tries_are_made_when_it_has_to_be_quick(field):
 def test_every_attack_has_a_promise_and_its_own_function():
     assert len({row.tries for row in page.ALL}) == len(page.ALL)
     assert all(row.kind and row.does and row.promise for row in page.ALL)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("attack", [damage.flip, damage.cut])
+def test_a_damaged_log_is_never_taken_for_what_it_is_not(field, attack):
+    tally = attack(field)
+    assert tally.lost == ()
+    assert tally.tried >= 20
+
+
+@pytest.mark.slow
+def test_a_killed_run_of_each_link_is_survived(field):
+    tally = kills.kill(field)
+    assert tally.lost == ()
+    assert tally.tried == 2 * len(victims.LINKS)
