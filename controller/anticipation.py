@@ -26,7 +26,7 @@ def bridged(params: Params, state: State, seen: Observation) -> Observation:
     """Have the map tell the dead centre that no sample has shown."""
     load, charges = braking(state.operation.mode, state.set_points, state.fuelling)
     motion = unseen_dead_centre(params.stroke_map, state.motion, seen.motion, load, charges)
-    return Observation(seen.t_ns, motion, seen.passed, seen.stale, seen.unheard, seen.whole)
+    return seen.with_motion(motion)
 
 
 def braking(

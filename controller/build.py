@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from controller import supervisory
@@ -14,6 +15,7 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.motion.laws import LAWS
 from controller.observe.estimate import Motion
+from controller.observe.possible import possible_of
 from controller.state import Params, State
 from controller.timing.plan import NO_PLAN
 from hil.config.controller import ControllerConfig
@@ -47,7 +49,13 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     )
     full_load = supervisory.full_load(config, engine)
     laws = {name: law(config) for name, law in LAWS.items()}
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws)
+    is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
+    most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
+    possible = possible_of(
+        engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
+        all(config.timing.fires), most_n,
+    )  # fmt: skip
+    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:

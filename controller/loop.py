@@ -65,7 +65,7 @@ class ControllerLoop:
         self.tick: i64 = -1
         self.late: i64 = 0
         self.peer_timeout_s = peer_timeout_s
-        self.reception = Reception(params.period_ns)
+        self.reception = Reception(params.period_ns, params.possible, all(params.timings.fires))
         self._age = SampleAge(params.period_ns, oldest_ns)
         self._encoder = Encoder()
         self._answer: tuple[Message, ...] = ()
@@ -95,7 +95,7 @@ class ControllerLoop:
 
     def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
-        arrival = self.reception.take(batch, self.tick, self.state.motion)
+        arrival = self.reception.take(batch, self.tick, self.state)
         if self.tick < 0 and batch is not None:
             if arrival.tick < 0:
                 self._note("sample-refused", "first frames without a valid head", batch, woke_ns)
@@ -126,7 +126,10 @@ class ControllerLoop:
         """Step one tick."""
         self.tick = arrival.tick
         command = self._command(arrival.tick)
-        inputs = Inputs(arrival.tick, arrival.sample, command, arrival.power_w)
+        if self.reception.doubted:
+            self._doubt(self.reception.doubted)
+        sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
+        inputs = Inputs(arrival.tick, sample, command, power_w, fault)
         self.state, output = step(self.params, self.state, inputs)
         if self._is_asked:
             self._tell_asker(output.events)
@@ -139,6 +142,12 @@ class ControllerLoop:
         mode, tdc_mm = self.state.mode.name.lower(), self.state.set_points.tdc_ref_m * 1e3
         text = refused[0] if refused else f"mode {mode}, set point {tdc_mm:.3f} mm"
         self._commands.answer(not refused, self.tick, text)
+
+    def _doubt(self, why: str) -> None:
+        """Log that a sample is not believed, once until they are again."""
+        t_ns = self.tick * self.params.period_ns
+        self._heard += topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-doubted", why)
+        self.reception.doubted = ""
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
@@ -175,7 +184,7 @@ class ControllerLoop:
     def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
         """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
-        self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
+        self._heard += topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
             command = parse(raw, origin)
             self._is_asked = command is not None

@@ -14,6 +14,7 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand, Law, View
 from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
+from controller.observe.possible import Possible
 from controller.safety import Limits
 from controller.supervisory import SetPoints
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
@@ -47,6 +48,7 @@ class Params:
     def __init__(
         self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
         full_load_n_s_m: float, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
+        possible: Possible,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -55,6 +57,7 @@ class Params:
         self.bounds = bounds
         self.full_load_n_s_m = full_load_n_s_m
         self.stroke_map = stroke_map
+        self.possible = possible
         self.limits = Limits(config.limits)
         self.start = Start(config.start)
         self.timings = Timings(config)
@@ -108,18 +111,20 @@ class Inputs(Value):
     """What comes in with a tick; `sample` is None when none that is valid came.
 
     power_w: electric power, nan when this tick's frames carried none
+    fault: what the samples show to be wrong, by its number in controller/observe/plausibility.py
     """
 
-    __slots__ = ("tick", "sample", "command", "power_w")
+    __slots__ = ("tick", "sample", "command", "power_w", "fault")
 
     def __init__(
         self, tick: i64, sample: PistonSample | None, command: OperatorCommand | None = None,
-        power_w: float = math.nan,
+        power_w: float = math.nan, fault: i64 = 0,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.sample = sample
         self.command = command
         self.power_w = power_w
+        self.fault = fault
 
 
 @final

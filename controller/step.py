@@ -6,6 +6,7 @@ estimate -> start/restart -> supervisory -> piston motion -> timing -> actuator 
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 from mypy_extensions import i64
@@ -19,19 +20,20 @@ from controller.mode.operation import decide, is_uneventful
 from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND, Law, View
-from controller.motion.prediction import seconds_ahead, seconds_unmapped
+from controller.motion.prediction import seconds_ahead
 from controller.observe.estimate import (
     Motion,
     Observation,
     observe,
+    seconds_to_dead_centre,
 )
 from controller.orders import obey
 from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SetPoints
 from controller.timing import position
-from controller.timing.advance import postponed
+from controller.timing.advance import is_far, postponed
 from controller.timing.injection import plan_injection, retime_injection
-from controller.timing.plan import NO_PLAN, Plan
+from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
 from hil.rounding import nearest
 from hil.values import replace
@@ -47,7 +49,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     Returns: the next state and the output, which acts at the plant's next tick
     """
     t_ns = inputs.tick * params.period_ns
-    seen = observe(state.motion, state.stale, inputs.sample, t_ns)
+    seen = observe(state.motion, state.stale, inputs.sample, t_ns, inputs.fault)
     if seen.passed.dead_centre and not seen.whole:
         seen = bridged(params, state, seen)
     judged = state.operation.fired_t_ns
@@ -59,7 +61,9 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
     mode = state.operation.mode
     if plan.fuel_kg > 0.0:
-        plan = _with_spark(params, mode, seen.motion, set_points, plan, fuelling, t_ns)
+        plan = _with_spark(
+            params, mode, seen.motion, set_points, plan, fuelling, t_ns, state.pulses
+        )
     ahead = ordered_ahead(params, state, seen, set_points, fuelling, plan, judged)
     first = plan if plan.fuel_kg > 0.0 else ahead
     pulses = actuator.still_open(state.pulses, first.injection, first.spark, t_ns)
@@ -216,7 +220,7 @@ def _trimmed(
 
 def _with_spark(
     params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
-    fuelling: Fuelling, t_ns: i64,
+    fuelling: Fuelling, t_ns: i64, pulses: tuple[PlannedPulse, ...],
 ) -> Plan:  # fmt: skip
     """Level 4: the spark, by the best prediction that there is of this stroke."""
     timings, period_ns, stroke_map = params.timings, params.period_ns, params.stroke_map
@@ -231,7 +235,9 @@ def _with_spark(
     elif stroke_map is not None and stroke_map.fits:
         seconds = seconds_ahead(stroke_map, motion, braked, charges, period_ns)
     else:
-        seconds = seconds_unmapped(motion, params.dt_s, set_points.point.stroke_s)
+        seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
+        if is_far(timings, plan, pulses, motion.side_ahead, seconds):
+            return plan
     return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
 
 

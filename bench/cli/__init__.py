@@ -170,8 +170,10 @@ def check(
     """
     if what == "trust":
         from bench.trust.page import run as attack
+        from hil.files import Output
 
-        raise typer.Exit(attack(out, quick=quick, force=force))
+        page = None if out is None else Output("--out", out, force)
+        raise typer.Exit(attack(page, quick=quick))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())

@@ -15,6 +15,7 @@ from rich.console import Console
 from bench.dev.markdown import table
 from bench.trust import damage, floods, kills, stops
 from bench.trust.attack import Attack, Field, Tally
+from bench.trust.victims import let_hear
 from drivers.system.process import git_hash
 from hil.files import Output
 
@@ -54,12 +55,12 @@ _OTHERS: Final = (
 )  # fmt: skip
 
 
-def run(out: Path | None, *, quick: bool, force: bool = False, seed: int = 1) -> int:
+def run(out: Output | None, *, quick: bool, seed: int = 1) -> int:
     """Make every attack, print the table, and write the page; 0 when nothing was lost."""
-    file = None if out is None else Output("--out", out, force)
-    if file is not None:
-        file.check(".md")
+    if out is not None:
+        out.check(".md")
     console = Console(highlight=False)
+    let_hear()
     begin_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="hil-trust-") as place:
         field = Field(
@@ -67,8 +68,8 @@ def run(out: Path | None, *, quick: bool, force: bool = False, seed: int = 1) ->
         )
         rows = [(attack, attack.tries(field)) for attack in ALL]
     _print(console, rows)
-    if file is not None:
-        file.write(_page(rows, time.monotonic() - begin_s))
+    if out is not None:
+        out.write(_page(rows, time.monotonic() - begin_s))
     return int(any(tally.lost for _, tally in rows))
 
 
@@ -96,8 +97,8 @@ def _page(rows: Sequence[tuple[Attack, Tally]], took_s: float) -> str:
     ]  # fmt: skip
     lines = [
         "# Trust\n",
-        "What the bench promises, attacked. Made by `hil check trust --out docs/trust.md`; the"
-        " short form, `--quick`, is part of what must hold before a change lands.\n",
+        "What the bench promises, attacked. Made by `hil check trust --out docs/trust.md --force`;"
+        " the short form, `--quick`, is part of what must hold before a change lands.\n",
         table(titles, cells),
     ]
     where = f"Python {platform.python_version()}, {platform.system()} {platform.release()}"

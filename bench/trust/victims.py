@@ -113,6 +113,13 @@ class Victim:
         return [name for name, pid in self._seen.items() if _runs(pid)]
 
 
+def let_hear() -> None:
+    """Let victims hear every signal: what a script has in its background is born deaf to some."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+
+
 def _below(pid: int) -> list[tuple[int, str]]:
     """Return number and module of the Python processes that a process has started."""
     found = []

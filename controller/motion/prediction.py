@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from mypy_extensions import i64
 
 from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, seconds_to_dead_centre
 from hil.rounding import nearest
-
-_FREE_BELOW_S: Final = 4.0e-3
-"""Nearer to the dead centre than this the last samples tell it better than the stroke before."""
 
 
 def seconds_ahead(
@@ -29,18 +25,6 @@ def seconds_ahead(
         return seconds_to_dead_centre(motion, h, math.pi / stroke_map.stroke_s)
     q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
     return stroke_map.travel(q, load_n_s_m, motion.z_m, motion.speed_m_s, motion.tau_s)[1]
-
-
-def seconds_unmapped(motion: Motion, h: float, stroke_s: float) -> float:
-    """The same without a map: from far away as in the stroke before, near it as a free oscillation.
-
-    Parameters: h : tick [s]; stroke_s : duration of a steady stroke [s]
-    """
-    if motion.passed_mid and motion.quarter_ns > 0:
-        seconds = float(motion.mid_t_ns + motion.quarter_ns - motion.t_ns) * 1e-9
-        if seconds > _FREE_BELOW_S:
-            return seconds
-    return seconds_to_dead_centre(motion, h, math.pi / stroke_s)
 
 
 def unseen_dead_centre(

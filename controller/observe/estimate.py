@@ -112,14 +112,15 @@ class Observation(Value):
     """What a tick shows of the motion; `stale` ticks in a row have had no sample.
 
     unheard: for how long the plant says that it has heard nothing, 15 in its safe state
+    fault: what the samples show to be wrong, nought while nothing does
     whole: whether what was passed lies between two samples that are near enough to show it
     """
 
-    __slots__ = ("t_ns", "motion", "passed", "stale", "unheard", "whole")
+    __slots__ = ("t_ns", "motion", "passed", "stale", "unheard", "whole", "fault")
 
     def __init__(
         self, t_ns: i64, motion: Motion, passed: Passed, stale: i64, unheard: i64 = 0,
-        whole: bool = True,
+        whole: bool = True, fault: i64 = 0,
     ) -> None:  # fmt: skip
         self.t_ns = t_ns
         self.motion = motion
@@ -127,17 +128,26 @@ class Observation(Value):
         self.stale = stale
         self.unheard = unheard
         self.whole = whole
+        self.fault = fault
+
+    def with_motion(self, motion: Motion) -> Observation:
+        """The same of another motion."""
+        return Observation(
+            self.t_ns, motion, self.passed, self.stale, self.unheard, self.whole, self.fault
+        )
 
 
-def observe(motion: Motion, stale: i64, sample: PistonSample | None, t_ns: i64) -> Observation:
+def observe(
+    motion: Motion, stale: i64, sample: PistonSample | None, t_ns: i64, fault: i64 = 0
+) -> Observation:
     """Take the sample of a tick into the estimate, or count that there was none."""
     if sample is None:
-        return Observation(t_ns, motion, NOTHING, stale + 1)
+        return Observation(t_ns, motion, NOTHING, stale + 1, 0, True, fault)
     whole = stale == 0 or t_ns - motion.t_ns <= SHOWN_NS
     after, passed = update(motion, t_ns, sample.x_m, sample.v_m_s)
     if not whole and passed.dead_centre and after.z_m > 0.0 and after.speed_m_s > 0.0:
         after, passed = _beyond_mid(motion, after), BOTH
-    return Observation(t_ns, after, passed, 0, sample.unheard, whole)
+    return Observation(t_ns, after, passed, 0, sample.unheard, whole, fault)
 
 
 def _beyond_mid(before: Motion, after: Motion) -> Motion:

@@ -19,6 +19,9 @@ from hil.wire.messages import INJECTOR_LEFT, SPARK_LEFT
 EARLIER_NS: Final = 500_000
 """By so much sooner than at its latest the injection is over: what a prediction may be wrong."""
 
+NEAR_S: Final = 4.0e-3
+"""Without a map a spark further ahead than this is better placed by a steady stroke."""
+
 _SPARK: Final[i64] = SPARK_LEFT
 
 
@@ -55,3 +58,15 @@ def postponed(timings: Timings, plan: Plan, dead_centre_ns: i64) -> Plan:
     open_ns = max(old.open_ns, whole_us(low_by_ns - old.duration_ns))
     later = PlannedPulse(old.channel, open_ns, old.duration_ns)
     return Plan(later, plan.spark, plan.fuel_kg)
+
+
+def is_far(
+    timings: Timings, plan: Plan, pulses: tuple[PlannedPulse, ...], side: i64, seconds: float
+) -> bool:
+    """Whether the spark that was ordered ahead for that side is to stay for now.
+
+    Parameters: seconds : to the dead centre, as a free oscillation [s]
+    """
+    if plan.spark is not None or seconds - timings.spark_advance_s < NEAR_S:
+        return False
+    return any(pulse.channel == _SPARK + side for pulse in pulses)

@@ -54,7 +54,7 @@ class _Chunk(NamedTuple):
 
     record: Record
     head: Chunk
-    contents: Contents
+    data: bytes
 
 
 class _Check:
@@ -76,11 +76,12 @@ class _Check:
         self._check_library()
         record = Record(0, 0, 0)
         for record in records_of(self._file):
+            if record.opcode != Opcode.MESSAGE_INDEX:
+                self._end_chunk(record.offset)
             try:
                 self._take(record)
             except BROKEN as error:
                 raise ValueError(f"damaged record at byte {record.offset}: {why(error)}") from None
-        self._end_chunk(record.offset)
         self._found.end_run()
         covered = self._check_data(record)
         self._check_summary(record)
@@ -94,7 +95,6 @@ class _Check:
         if record.opcode == Opcode.MESSAGE_INDEX:
             self._take_index(record)
             return
-        self._end_chunk(record.offset)
         if record.opcode == Opcode.CHUNK:
             self._take_chunk(record)
             return
@@ -112,14 +112,8 @@ class _Check:
         head = Chunk.read(stream(body))
         self._size += len(data)
         self._unchecked_chunks += head.uncompressed_crc == 0
-        found = chunks.contents(data)
         self._found.end_run()
-        self._found.take_messages(record, found)
-        place = self._found.places[-1]
-        if len(found.times):
-            span = (head.message_start_time, head.message_end_time)
-            _same("the span of the chunk", span, (place.start_ns, place.end_ns))
-        self._last = _Chunk(record, head, found)
+        self._last = _Chunk(record, head, data)
 
     def _take_index(self, record: Record) -> None:
         """Take one message index, which must lie behind its chunk."""
@@ -131,12 +125,14 @@ class _Check:
         self._offsets[channel] = record.offset
 
     def _end_chunk(self, end: int) -> None:
-        """Hold the indexes behind a chunk against its messages."""
+        """Take the messages of a chunk, and hold the indexes behind it against them."""
         if self._last is None:
             return
-        record, head, found = self._last
-        if self._indexes:
-            _check_indexes(self._indexes, found)
+        record, head, data = self._last
+        try:
+            self._check_chunk(record, head, data)
+        except BROKEN as error:
+            raise ValueError(f"damaged chunk at byte {record.offset}: {why(error)}") from None
         behind = record.offset + record.size
         self._chunk_indexes.append(
             ChunkIndex(
@@ -149,6 +145,17 @@ class _Check:
             )
         )  # fmt: skip
         self._last, self._indexes, self._offsets = None, {}, {}
+
+    def _check_chunk(self, record: Record, head: Chunk, data: bytes) -> None:
+        indexed = [offsets for _, offsets in self._indexes.values()]
+        found = chunks.indexed_contents(data, np.concatenate([np.zeros(0, np.int64), *indexed]))
+        self._found.take_messages(record, found)
+        place = self._found.places[-1]
+        if len(found.times):
+            span = (head.message_start_time, head.message_end_time)
+            _same("its span", span, (place.start_ns, place.end_ns))
+        if self._indexes:
+            _check_indexes(self._indexes, found)
 
     def _check_data(self, end: Record) -> bool:
         """Check the checksum of the data; false when there is none."""

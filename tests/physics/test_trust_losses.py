@@ -48,6 +48,10 @@ def controller_frozen(rig, lost):
     rig.controller_frozen = lost
 
 
+def both_frozen(rig, lost):
+    rig.plant_frozen = rig.controller_frozen = lost
+
+
 LOSSES = (samples_lost, answers_lost, both_lost)
 MODES = {
     Mode.GENERATING: ("steady", 0.3, 0.0502), Mode.MOTORING: ("start", 0.13, 0.1),
@@ -127,3 +131,30 @@ def test_with_rearming_the_plant_goes_on_when_its_controller_returns():
     turn_for(rig, 0.1)
     assert not rig.plant.state.latch
     assert "safety.rearm" in next(t.text for t in rig.told if t.code == "safe-state-left")
+
+
+STALLS = {
+    "answers lost": answers_lost, "samples lost": samples_lost,
+    "controller frozen": controller_frozen, "both frozen": both_frozen,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stall", STALLS.values(), ids=STALLS)
+@pytest.mark.parametrize("model", ["harmonic", "rectangular", "nonlinear", "closed-form"])
+@pytest.mark.parametrize("rate_hz", [1000, 5000])
+def test_a_stall_of_9_ms_costs_no_stroke_at_any_phase(model, rate_hz, stall):
+    """The next charge is ordered ahead, and what nobody saw is not judged."""
+    rig = rig_of(rate_hz=rate_hz, **{"plant.model": model})
+    reach_m = rig.scenario.controller.tdc_ref_m
+    for memory in phases(rig, 0.3, count=24 if rate_hz == 1000 else 6):
+        rig.recall(memory)
+        stall(rig, True)
+        turn_for(rig, 0.009)
+        stall(rig, False)
+        number = rig.plant.state.dead_centre.number
+        while rig.plant.state.dead_centre.number < number + 6:
+            rig.turn()
+            centre = rig.plant.state.dead_centre
+            assert abs(abs(centre.x_m) - reach_m) < 0.3e-3
+        assert rig.controller.state.mode is Mode.GENERATING
+        assert not {"misfire", "safe-state", "mode motoring"} & {told.code for told in rig.told}

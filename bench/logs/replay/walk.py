@@ -147,7 +147,7 @@ class Joiner:
         if piece.timing < 0:
             noted_ns: tuple[int, ...] = (piece.noted_ns,)
             return Turn(-1, -1, 0, noted_ns, -1, batches, None, snapshot, own)
-        times: tuple[int, int, int, int, int, int, bool] = self._timing.unpack_from(
+        times: tuple[int, int, int, int, int, int, int] = self._timing.unpack_from(
             data, piece.timing + self._payload_at
         )
         tick, _, scheduled_ns, woke_ns, done_ns, used, missed = times
