@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from controller import supervisory
@@ -14,10 +15,12 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.motion.laws import LAWS
 from controller.observe.estimate import Motion
+from controller.observe.possible import possible_of
 from controller.state import Params, State
 from controller.timing.plan import NO_PLAN
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES
+from hil.config.ranges import stale_ticks
 from hil.config.resolved import Resolved
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
@@ -39,13 +42,20 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     check(config.name, stroke_map)
     bounds = Bounds(
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
-        stale_ticks=limits.stale_ticks,
+        stale_ticks=stale_ticks(limits.stale_s, period_ns),
         misfires=limits.misfires,
         motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
+        unheard_ns=round(limits.stale_s * 1e9),
     )
     full_load = supervisory.full_load(config, engine)
     laws = {name: law(config) for name, law in LAWS.items()}
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws)
+    is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
+    most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
+    possible = possible_of(
+        engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
+        all(config.timing.fires), most_n,
+    )  # fmt: skip
+    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:
@@ -87,6 +97,14 @@ def make_pacer(scenario: Resolved, clock: Clock | None = None) -> Pacer:
     return LockstepPacer(period_ns, patience_ns(scenario))
 
 
+def oldest_ns(scenario: Resolved) -> int:
+    """Age from which a sample is not acted on [ns]; in lockstep no time passes while it waits."""
+    if scenario.loop.clock != "realtime":
+        return NEVER
+    period_ns = scenario.loop.period_ns
+    return period_ns * (stale_ticks(scenario.controller.limits.stale_s, period_ns) - 1)
+
+
 def schedule_of(scenario: Resolved) -> dict[int, OperatorCommand]:
     """The scenario's own operator commands by tick.
 
@@ -115,5 +133,5 @@ def make_loop(
         params, initial_state(params), ports=ports, pacer=pacer or make_pacer(scenario),
         recorder=recorder, schedule=schedule_of(scenario),
         status_every=scenario.loop.status_every, peer_timeout_s=scenario.loop.peer_timeout_s,
-        snapshot_every=scenario.loop.snapshot_every,
+        snapshot_every=scenario.loop.snapshot_every, oldest_ns=oldest_ns(scenario),
     )  # fmt: skip

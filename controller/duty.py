@@ -1,8 +1,9 @@
 """The controller as a service: what the engine was asked to do survives a restart.
 
-A controller that is killed while the engine runs comes back with the duty of its predecessor: it
-asks for a start and the set point that was in force, as an operator would, and the mode table
-decides what becomes of it. One that was stopped, or had gone to its safe state, stays off.
+With `safety.rearm` a controller that is killed while the engine runs comes back with the duty of
+its predecessor: it asks for a start and the set point that was in force, as an operator would, and
+the mode table decides what becomes of it. Without it that is the operator's to do. One that was
+stopped, or had gone to its safe state, stays off.
 """
 
 from __future__ import annotations
@@ -100,8 +101,8 @@ class Resumption:
     so it asks only while samples are fresh, again a few times, and not after an operator's stop.
     """
 
-    def __init__(self, kept: Mapping[str, Any]) -> None:
-        self.tries_left = RESUME_TRIES if kept.get("running") is True else 0
+    def __init__(self, kept: Mapping[str, Any], rearm: bool) -> None:
+        self.tries_left = RESUME_TRIES if rearm and kept.get("running") is True else 0
         names = ("tdc_ref_m", "target_power_w")
         self._set_point = {name: kept[name] for name in names if kept.get(name) is not None}
 
@@ -120,9 +121,11 @@ class Resumption:
 class Duty:
     """Looks after one loop between its ticks."""
 
-    def __init__(self, heart: Heart, caretaker: Caretaker, source: CommandSource) -> None:
+    def __init__(
+        self, heart: Heart, caretaker: Caretaker, source: CommandSource, rearm: bool
+    ) -> None:
         self.commands = DutyCommands(source)
-        self._resumption = Resumption(caretaker.kept())
+        self._resumption = Resumption(caretaker.kept(), rearm)
         self._heart = heart
         self._caretaker = caretaker
 

@@ -12,6 +12,7 @@ from mypy_extensions import i64
 
 from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
+from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
 from controller.state import Events, Inputs, Output, Params, State, StrokeReport
 from controller.step import step
@@ -33,35 +34,39 @@ _COMMAND_EVERY: Final = 10
 class LoopMemory(Value):
     """All that the next turn depends on besides its inputs: layers, codec, and what was counted."""
 
-    __slots__ = ("tick", "state", "sent", "received", "late")
+    __slots__ = ("tick", "state", "sent", "received", "late", "age")
 
     def __init__(
-        self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64
-    ) -> None:
+        self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64,
+        age: tuple[int, int],
+    ) -> None:  # fmt: skip
         self.tick = tick
         self.state = state
         self.sent = sent
         self.received = received
         self.late = late
+        self.age = age
 
 
 class ControllerLoop:
     """One controller on one link; `turn` answers one batch.
 
-    late: samples that came after their tick had been answered without them
+    late: samples that came after their tick had been answered without them, or had waited too long
+    oldest_ns: age from which a sample is not acted on; NEVER where time does not pass by itself
     """
 
     def __init__(
         self, params: Params, state: State, *, ports: Ports, pacer: Pacer, recorder: Recorder,
         schedule: dict[int, OperatorCommand], status_every: int, peer_timeout_s: float,
-        snapshot_every: int = 0,
+        snapshot_every: int = 0, oldest_ns: int = NEVER,
     ) -> None:  # fmt: skip
         self.params = params
         self.state = state
         self.tick: i64 = -1
         self.late: i64 = 0
         self.peer_timeout_s = peer_timeout_s
-        self.reception = Reception(params.period_ns)
+        self.reception = Reception(params.period_ns, params.possible, all(params.timings.fires))
+        self._age = SampleAge(params.period_ns, oldest_ns)
         self._encoder = Encoder()
         self._answer: tuple[Message, ...] = ()
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
@@ -78,7 +83,7 @@ class ControllerLoop:
     def turn(self, batch: bytes | None) -> None:
         """Answer a batch, or the tick that is due when none came in time."""
         woke_ns = self._pacer.now_ns()
-        arrival = self._take(batch)
+        arrival = self._take(batch, woke_ns)
         if arrival is None:
             return
         for missed in range(self.tick + 1, arrival.tick):
@@ -88,22 +93,27 @@ class ControllerLoop:
         self._record(arrival, output, frames, woke_ns, asked is not self.state.fuelling.demand)
         self._tell(output)
 
-    def _take(self, batch: bytes | None) -> Arrival | None:
+    def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
-        arrival = self.reception.take(batch, self.tick, self.state.motion)
+        arrival = self.reception.take(batch, self.tick, self.state)
         if self.tick < 0 and batch is not None:
             if arrival.tick < 0:
-                self._note("sample-refused", "first frames without a valid head", batch)
+                self._note("sample-refused", "first frames without a valid head", batch, woke_ns)
                 return None
             self._pacer.start(arrival.tick)
             self.tick = arrival.tick - 1
         if arrival.tick < 0:
             return Arrival(self.tick + 1, arrival.batch)
         if arrival.tick > self.tick:
-            return arrival
+            if not self._age.is_too_old(arrival.tick, woke_ns):
+                return arrival
+            waited_ms = float(self._age.age_ns(arrival.tick, woke_ns)) * 1e-6
+            text = f"sample of tick {arrival.tick} has waited for {waited_ms:.1f} ms"
+        else:
+            text = f"sample of tick {arrival.tick} came after tick {self.tick} was answered"
+            text = f"{text} without it"
         self.late += 1
-        text = f"sample of tick {arrival.tick} came after tick {self.tick} was answered without it"
-        self._note("sample-late", text, arrival.batch)
+        self._note("sample-late", text, arrival.batch, woke_ns)
         return None
 
     def _pass(self, arrival: Arrival, woke_ns: int) -> None:
@@ -116,7 +126,10 @@ class ControllerLoop:
         """Step one tick."""
         self.tick = arrival.tick
         command = self._command(arrival.tick)
-        inputs = Inputs(arrival.tick, arrival.sample, command, arrival.power_w)
+        if self.reception.doubted:
+            self._doubt(self.reception.doubted)
+        sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
+        inputs = Inputs(arrival.tick, sample, command, power_w, fault)
         self.state, output = step(self.params, self.state, inputs)
         if self._is_asked:
             self._tell_asker(output.events)
@@ -129,6 +142,12 @@ class ControllerLoop:
         mode, tdc_mm = self.state.mode.name.lower(), self.state.set_points.tdc_ref_m * 1e3
         text = refused[0] if refused else f"mode {mode}, set point {tdc_mm:.3f} mm"
         self._commands.answer(not refused, self.tick, text)
+
+    def _doubt(self, why: str) -> None:
+        """Log that a sample is not believed, once until they are again."""
+        t_ns = self.tick * self.params.period_ns
+        self._heard += topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-doubted", why)
+        self.reception.doubted = ""
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
@@ -165,7 +184,7 @@ class ControllerLoop:
     def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
         """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
-        self._heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
+        self._heard += topics.COMMAND.pack(tick, t_ns, origin, raw)
         try:
             command = parse(raw, origin)
             self._is_asked = command is not None
@@ -198,10 +217,9 @@ class ControllerLoop:
             data += topics.SNAPSHOT.pack(tick + 1, t_ns + self.params.period_ns, text)
         self._recorder.put(data)
 
-    def _note(self, code: str, text: str, batch: bytes) -> None:
-        """Log frames that are not acted on."""
-        tick = max(self.tick, 0)
-        self._recorder.put(packed_note(tick, tick * self.params.period_ns, code, text, batch))
+    def _note(self, code: str, text: str, batch: bytes, woke_ns: i64) -> None:
+        """Log frames that are not acted on, with the time at which that was decided."""
+        self._recorder.put(packed_note(max(self.tick, 0), woke_ns, code, text, batch))
 
     def _tell(self, output: Output) -> None:
         """Publish how the controller is; what belongs to a stroke, of the last finished one."""
@@ -228,7 +246,8 @@ class ControllerLoop:
     def remember(self) -> LoopMemory:
         """Return all that the next turn depends on besides its inputs."""
         sent, received = self._encoder.remember(), self.reception.remember()
-        return LoopMemory(self.tick, self.state, sent, received, self.late)
+        age = self._age.remember()
+        return LoopMemory(self.tick, self.state, sent, received, self.late, age)
 
     def recall(self, memory: LoopMemory) -> None:
         """Go on from what `remember` returned."""
@@ -236,4 +255,5 @@ class ControllerLoop:
         self._encoder.recall(memory.sent)
         self.reception.recall(memory.received)
         self._planned_tick = min((t for t in self._schedule if t > self.tick), default=NEVER)
+        self._age.recall(memory.age)
         self._finished = None

@@ -54,7 +54,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     connection = with_outputs(link, outputs)
     duty = None
     if service is not None:
-        duty = Duty(service.heart, service, connection.commands)
+        duty = Duty(service.heart, service, connection.commands, scenario.safety.rearm)
         connection = connection._replace(commands=duty.commands)
     try:
         pacer = make_pacer(scenario, SystemClock(scenario.realtime.spin_s))

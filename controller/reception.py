@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import Final, final
 
-from controller.observe.estimate import Motion
-from controller.observe.plausibility import CLEAR, Credence, judge
+from mypy_extensions import i64
+
+from controller.mode.start_restart import GENERATING, MOTORING
+from controller.observe.plausibility import NAMES, NONE, UNHEARD_OF, Witness, fault_of, judge
+from controller.observe.possible import Possible
+from controller.observe.symptoms import watch
+from controller.state import State
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
 from hil.wire.e2e import MAX_DELTA
@@ -21,34 +26,37 @@ _LARGEST_GAP_NS: Final = 60_000_000_000
 class Arrival(Value):
     """What came for a tick: its frames, the sample if it may be used, and the electric power.
 
-    tick: -1 when its head did not come through; power_w: nan when the frames carried none
+    tick: -1 when its head did not come through; power_w: nan when the frames carried none; fault:
+    what the samples show to be wrong
     """
 
-    __slots__ = ("tick", "batch", "sample", "power_w")
+    __slots__ = ("tick", "batch", "sample", "power_w", "fault")
 
     def __init__(
-        self, tick: int, batch: bytes, sample: PistonSample | None = None, power_w: float = _NAN
-    ) -> None:
+        self, tick: int, batch: bytes, sample: PistonSample | None = None, power_w: float = _NAN,
+        fault: i64 = NONE,
+    ) -> None:  # fmt: skip
         self.tick = tick
         self.batch = batch
         self.sample = sample
         self.power_w = power_w
+        self.fault = fault
 
 
 @final
 class ReceptionMemory(Value):
     """All that the next arrival depends on besides its frames, and what was counted."""
 
-    __slots__ = ("decoder", "slow", "silent_turns", "credence", "out_of_step", "implausible")
+    __slots__ = ("decoder", "slow", "silent_turns", "witness", "out_of_step", "implausible")
 
     def __init__(
         self, decoder: DecoderMemory, slow: tuple[float, ...], silent_turns: int,
-        credence: Credence, out_of_step: int, implausible: int,
+        witness: Witness, out_of_step: int, implausible: int,
     ) -> None:  # fmt: skip
         self.decoder = decoder
         self.slow = slow
         self.silent_turns = silent_turns
-        self.credence = credence
+        self.witness = witness
         self.out_of_step = out_of_step
         self.implausible = implausible
 
@@ -56,22 +64,25 @@ class ReceptionMemory(Value):
 class Reception:
     """Takes the plant's batches; `slow` is electric power, pressure left and right, as last heard.
 
-    out_of_step, implausible: samples that were intact and not used
+    out_of_step, implausible: samples that were intact and not used; doubted: why, for the log
     """
 
-    def __init__(self, period_ns: int) -> None:
+    def __init__(self, period_ns: int, possible: Possible, every_stroke: bool = True) -> None:
         self.decoder = Decoder("plant")
         self.slow = [0.0, 0.0, 0.0]
         self.out_of_step = self.implausible = 0
         self._period_ns = period_ns
         self._largest_gap = _LARGEST_GAP_NS // period_ns
         self._silent_turns = 0
-        self._credence = CLEAR
+        self._possible = possible
+        self._every_stroke = every_stroke
+        self.witness = UNHEARD_OF
+        self.doubted = ""
 
-    def take(self, batch: bytes | None, last_tick: int, motion: Motion) -> Arrival:
+    def take(self, batch: bytes | None, last_tick: int, state: State) -> Arrival:
         """Decode a batch; None is a turn in which none came.
 
-        Parameters: last_tick : -1 before the first; motion : as of the last sample that was used
+        Parameters: last_tick : -1 before the first; state : with the last sample that was used
         """
         if batch is None:
             self._silent_turns += 1
@@ -87,9 +98,22 @@ class Reception:
                 self._hear(message)
             elif type(message) is PistonSample:
                 sample = message
-        if sample is None or tick <= last_tick or not self._is_believed(tick, sample, motion):
+        if sample is None or tick <= last_tick:
             return Arrival(tick, batch)
-        return Arrival(tick, batch, sample, power_w)
+        return self._judged(tick, batch, sample, power_w, state)
+
+    def _judged(
+        self, tick: int, batch: bytes, sample: PistonSample, power_w: float, state: State
+    ) -> Arrival:
+        """What an intact sample is worth: of the tick of its head, and believed."""
+        if not self.decoder.in_step():
+            self.out_of_step += 1
+            return Arrival(tick, batch)
+        fault = self._judge(tick, sample, power_w, state)
+        if self.witness.agreeing == 0:
+            return Arrival(tick, batch, sample, power_w, fault)
+        self.implausible += 1
+        return Arrival(tick, batch, None, power_w, fault)
 
     def _hear(self, head: PlantTick) -> None:
         """Keep the slow signal that a head carries."""
@@ -101,17 +125,26 @@ class Reception:
         else:
             self.slow[P_RIGHT] = head.p_right_pa
 
-    def _is_believed(self, tick: int, sample: PistonSample, motion: Motion) -> bool:
-        """Whether an intact sample is of the tick of its head, and can follow the last one."""
-        if not self.decoder.in_step():
-            self.out_of_step += 1
-            return False
-        self._credence, believed = judge(
-            self._credence, motion.t_ns, motion.x_m, motion.v_m_s,
-            tick * self._period_ns, sample.x_m, sample.v_m_s,
+    def _judge(self, tick: int, sample: PistonSample, power_w: float, state: State) -> i64:
+        """Let the witness see a sample; returns the fault that it shows."""
+        t_ns, motion, operation = tick * self._period_ns, state.motion, state.operation
+        active = operation.mode is MOTORING or operation.mode is GENERATING
+        doubted = self.witness.doubt
+        self.witness = judge(
+            self._possible, self.witness, motion, t_ns, sample.x_m, sample.v_m_s, active
+        )
+        if doubted == NONE and self.witness.doubt != NONE and active:
+            self.doubted = NAMES[self.witness.doubt]
+        if not active:
+            return NONE
+        if self.witness.agreeing:
+            return fault_of(self._possible, self.witness)
+        self.witness, fault = watch(
+            self._possible, self.witness, motion, sample.v_m_s, power_w,
+            state.set_points.load_n_s_m, t_ns - operation.since_t_ns, operation.mode is GENERATING,
+            self._every_stroke and operation.fired_t_ns < 0, operation.misfires,
         )  # fmt: skip
-        self.implausible += not believed
-        return believed
+        return fault or fault_of(self._possible, self.witness)
 
     def _whole_tick(self, low: int, last: int) -> int:
         """The tick of which the wire carries 32 bits, nearest to the last; -1 if far ahead."""
@@ -124,7 +157,7 @@ class Reception:
     def remember(self) -> ReceptionMemory:
         """Return all that the next arrival depends on besides its frames."""
         return ReceptionMemory(
-            self.decoder.remember(), tuple(self.slow), self._silent_turns, self._credence,
+            self.decoder.remember(), tuple(self.slow), self._silent_turns, self.witness,
             self.out_of_step, self.implausible,
         )  # fmt: skip
 
@@ -132,5 +165,5 @@ class Reception:
         """Go on from what `remember` returned."""
         self.decoder.recall(memory.decoder)
         self.slow, self._silent_turns = list(memory.slow), memory.silent_turns
-        self._credence = memory.credence
+        self.witness = memory.witness
         self.out_of_step, self.implausible = memory.out_of_step, memory.implausible

@@ -14,9 +14,10 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand, Law, View
 from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
+from controller.observe.possible import Possible
 from controller.safety import Limits
 from controller.supervisory import SetPoints
-from controller.timing.plan import Plan, PlannedPulse, Timings
+from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
 from hil.config.controller import ControllerConfig, StartConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
@@ -47,6 +48,7 @@ class Params:
     def __init__(
         self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
         full_load_n_s_m: float, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
+        possible: Possible,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -55,6 +57,7 @@ class Params:
         self.bounds = bounds
         self.full_load_n_s_m = full_load_n_s_m
         self.stroke_map = stroke_map
+        self.possible = possible
         self.limits = Limits(config.limits)
         self.start = Start(config.start)
         self.timings = Timings(config)
@@ -72,13 +75,16 @@ class State(Value):
     """Everything that the controller remembers from tick to tick, a value for each layer.
 
     stale: ticks in a row without a sample; pulses: those on the wire, not closed yet
+    ahead: what is ordered for the dead centre ahead until the law has been asked
     """
 
-    __slots__ = ("motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses")
+    __slots__ = (
+        "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
+    )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
-        fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...],
+        fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -87,6 +93,12 @@ class State(Value):
         self.fuelling = fuelling
         self.plan = plan
         self.pulses = pulses
+        self.ahead = ahead
+
+    @property
+    def in_force(self) -> Plan:
+        """The plan for the dead centre ahead: the law's, or what was ordered long before."""
+        return self.plan if self.plan.fuel_kg > 0.0 else self.ahead
 
     @property
     def mode(self) -> Mode:
@@ -99,18 +111,20 @@ class Inputs(Value):
     """What comes in with a tick; `sample` is None when none that is valid came.
 
     power_w: electric power, nan when this tick's frames carried none
+    fault: what the samples show to be wrong, by its number in controller/observe/plausibility.py
     """
 
-    __slots__ = ("tick", "sample", "command", "power_w")
+    __slots__ = ("tick", "sample", "command", "power_w", "fault")
 
     def __init__(
         self, tick: i64, sample: PistonSample | None, command: OperatorCommand | None = None,
-        power_w: float = math.nan,
+        power_w: float = math.nan, fault: i64 = 0,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.sample = sample
         self.command = command
         self.power_w = power_w
+        self.fault = fault
 
 
 @final

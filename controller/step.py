@@ -13,6 +13,7 @@ from mypy_extensions import i64
 
 from controller import actuator, safety, supervisory
 from controller.actuator import Machine
+from controller.anticipation import braking, bridged, end_of_stroke, ordered_ahead, unasked
 from controller.knowledge import motoring_force
 from controller.mode.combustion import has_misfired
 from controller.mode.operation import decide, is_uneventful
@@ -30,8 +31,9 @@ from controller.orders import obey
 from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SetPoints
 from controller.timing import position
+from controller.timing.advance import is_far, postponed
 from controller.timing.injection import plan_injection, retime_injection
-from controller.timing.plan import NO_PLAN, Plan
+from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
 from hil.rounding import nearest
 from hil.values import replace
@@ -40,8 +42,6 @@ from hil.wire.commands import OperatorCommand
 SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
 
-NO_CHARGES: Final = (0.0, 0.0)
-
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     """Answer one tick.
@@ -49,7 +49,10 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     Returns: the next state and the output, which acts at the plant's next tick
     """
     t_ns = inputs.tick * params.period_ns
-    seen = observe(state.motion, state.stale, inputs.sample, t_ns)
+    seen = observe(state.motion, state.stale, inputs.sample, t_ns, inputs.fault)
+    if seen.passed.dead_centre and not seen.whole:
+        seen = bridged(params, state, seen)
+    judged = state.operation.fired_t_ns
     state, events = _operate(params, state, seen, inputs.command)
     set_points = supervisory.slew(params.config, params.engine, state.set_points, params.dt_s)
     stroke = None
@@ -58,12 +61,18 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
     mode = state.operation.mode
     if plan.fuel_kg > 0.0:
-        plan = _with_spark(params, mode, seen.motion, set_points, plan, fuelling, t_ns)
-    pulses = actuator.still_open(state.pulses, plan.injection, plan.spark, t_ns)
+        plan = _with_spark(
+            params, mode, seen.motion, set_points, plan, fuelling, t_ns, state.pulses
+        )
+    ahead = ordered_ahead(params, state, seen, set_points, fuelling, plan, judged)
+    first = plan if plan.fuel_kg > 0.0 else ahead
+    pulses = actuator.still_open(state.pulses, first.injection, first.spark, t_ns)
     machine = safety.limit_machine(
         params.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
     )
-    after = State(seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses)
+    after = State(
+        seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead
+    )
     return after, Output(mode, machine, set_points.throttle, pulses, stroke, events)
 
 
@@ -80,7 +89,7 @@ def _operate(
     set_points, burnt_kg, before = state.set_points, state.fuelling.burnt_kg, state.operation
     operation, rule = decide(
         params.bounds, before, seen, "" if command is None else command.kind,
-        fuel_kg=state.plan.fuel_kg, stroke_s=set_points.point.stroke_s,
+        fuel_kg=state.in_force.fuel_kg, stroke_s=set_points.point.stroke_s,
         has_misfired=lambda: has_misfired(params.stroke_map, seen.motion, set_points, burnt_kg),
     )  # fmt: skip
     if operation is before:
@@ -99,7 +108,7 @@ def _entered(params: Params, state: State) -> State:
         return replace(state, fuelling=fuelling.restarted(params.law_of(fuelling.law_name)))
     beyond_kg = fuelling.beyond_kg if state.mode is MOTORING else 0.0
     fuelling = replace(fuelling, demand=NO_DEMAND, beyond_kg=beyond_kg)
-    return replace(state, fuelling=fuelling, plan=NO_PLAN, pulses=())
+    return replace(state, fuelling=fuelling, plan=NO_PLAN, pulses=(), ahead=NO_PLAN)
 
 
 def _report(
@@ -125,6 +134,9 @@ def _fuel(
     if seen.passed.dead_centre:
         fuelling, plan = _burnt(state, seen.motion), NO_PLAN
     due = seen.passed.mid_stroke and _is_to_fire(params, state, seen.motion, set_points)
+    if due and not seen.whole:
+        fuelling, plan = unasked(params, state, seen, set_points, fuelling)
+        due = False
     law = params.law_of(fuelling.law_name)
     watches = law.watches and _may_watch(params, state, seen)
     if not (due or watches):
@@ -136,6 +148,9 @@ def _fuel(
             params.timings, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
             fuelling.demand.fuel_kg,
         )  # fmt: skip
+        if seen.unheard:  # what is due soon would come too late
+            ends_ns = end_of_stroke(params, seen.motion, set_points, fuelling)
+            plan = postponed(params.timings, plan, ends_ns)
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
     return _trimmed(params, law, fuelling, plan, view, set_points.throttle)
@@ -146,7 +161,7 @@ def _burnt(state: State, motion: Motion) -> Fuelling:
 
     At the dead centre at which a run begins noise may show one more, for which nothing is planned.
     """
-    fuel_kg = state.plan.fuel_kg
+    fuel_kg = state.in_force.fuel_kg
     apart_ns = motion.dc_t_ns - state.motion.dc_t_ns
     if fuel_kg == 0.0 and float(apart_ns) < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
         return state.fuelling.demanding(NO_DEMAND)
@@ -205,15 +220,13 @@ def _trimmed(
 
 def _with_spark(
     params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
-    fuelling: Fuelling, t_ns: i64,
+    fuelling: Fuelling, t_ns: i64, pulses: tuple[PlannedPulse, ...],
 ) -> Plan:  # fmt: skip
     """Level 4: the spark, by the best prediction that there is of this stroke."""
     timings, period_ns, stroke_map = params.timings, params.period_ns, params.stroke_map
     if not may_move(timings, plan, t_ns, period_ns):
         return plan
-    braked, charges = set_points.load_n_s_m, fuelling.burnt_kg
-    if mode is not GENERATING:
-        braked, charges = 0.0, NO_CHARGES
+    braked, charges = braking(mode, set_points, fuelling)
     if timings.spark_position_m is not None:
         seconds = position.seconds_to_spark(
             params.engine, motion, params.dt_s, braked, timings.spark_position_m,
@@ -223,6 +236,8 @@ def _with_spark(
         seconds = seconds_ahead(stroke_map, motion, braked, charges, period_ns)
     else:
         seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
+        if is_far(timings, plan, pulses, motion.side_ahead, seconds):
+            return plan
     return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
 
 

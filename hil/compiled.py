@@ -1,9 +1,10 @@
 """Compiled twins of the modules that run in every tick, in use only while they match the sources.
 
 `hil compile` has mypyc turn those modules into C: the same source, the same arithmetic, the same
-bits, at less than half the time. What it builds lies in a directory named by a hash of the sources,
+bits, at a fraction of the time. What it builds lies in a directory named by a hash of the sources,
 of all that they import of ours (its types are compiled in), and of the Python it is for. Once one
-is edited that name is another, and everything is interpreted until `hil compile` is run again.
+is edited that name is another, and everything is interpreted until `hil compile` is run again:
+`edited` says which one it was.
 
 HIL_COMPILED : a directory to look in instead of ~/.cache/fpeg-hil/compiled; `off` for none
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 import ast
 import importlib.machinery
 import importlib.util
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -23,7 +25,10 @@ from types import ModuleType
 from typing import Final
 
 GROUP: Final = "fpeg_hil"
-"""mypyc puts the code of all modules into one library, `<group>__mypyc`."""
+"""mypyc puts the code of each package into one library, `<group>_<package>__mypyc`."""
+
+MADE_OF: Final = "made_of.json"
+"""Beside what was compiled: the directory of its sources, and the digest of each."""
 
 PATTERNS: Final = (
     "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
@@ -50,14 +55,23 @@ def sources(root: Path) -> list[Path]:
     return sorted(path for path in found if path.name not in _START_UP)
 
 
-def key_of(root: Path) -> str:
-    """Return the name under which what these sources compile to is kept."""
-    total = blake2b(_SUFFIX.encode(), digest_size=10)
+def digests(root: Path) -> dict[str, str]:
+    """Return the digest of each file that what is compiled depends on, by its path in `root`."""
     known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
     bench = [root / path for path in sources(root) if path.parts[0] == "bench"]
-    for path in (*known, *bench, root / "bench/dev/compile.py"):
-        total.update(f"\n{path.relative_to(root)}\n".encode() + path.read_bytes())
-    return total.hexdigest()
+    return {
+        str(path.relative_to(root)): blake2b(path.read_bytes(), digest_size=10).hexdigest()
+        for path in (*known, *bench, root / "bench/dev/compile.py")
+    }
+
+
+def key_of(root: Path) -> str:
+    """Return the name under which what these sources compile to is kept."""
+    return _key(digests(root))
+
+
+def _key(made_of: dict[str, str]) -> str:
+    return blake2b(f"{_SUFFIX} {made_of}".encode(), digest_size=10).hexdigest()
 
 
 def root() -> Path:
@@ -98,6 +112,20 @@ def use() -> None:
     directory = where / key_of(root())
     if directory.is_dir():
         sys.meta_path.insert(0, _Finder(directory))
+
+
+def edited() -> list[str]:
+    """Return the sources that differ from those last compiled here; none if none ever were."""
+    where = base()
+    if where is None or in_force():
+        return []
+    found = sorted(where.glob(f"*/{MADE_OF}"), key=lambda path: path.stat().st_mtime)
+    made = [json.loads(path.read_text(encoding="utf-8")) for path in found]
+    ours = [each["files"] for each in made if each["root"] == str(root())]
+    if not ours:
+        return []
+    now = digests(root())
+    return sorted(path for path in {*now, *ours[-1]} if now.get(path) != ours[-1].get(path))
 
 
 def in_force() -> bool:

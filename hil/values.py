@@ -2,8 +2,9 @@
 
 A class derives from `Value`, is `@final`, and names its fields twice: in `__slots__`, which is what
 the interpreter needs, and as the typed arguments of `__init__`, which is what the compiler makes
-fields of a C structure of. It is a quarter of the cost of a NamedTuple there, and no dearer here.
+fields of a C structure of. It is an eighth of the cost of a NamedTuple there, and no dearer here.
 Where `Value` is compiled, others may derive from it all the same; that costs no compiled one more.
+tests/unit/test_value_classes.py holds them to all this.
 """
 
 from __future__ import annotations

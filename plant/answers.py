@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, final
 
+from mypy_extensions import i64
+
 from hil.ports import Link
 from hil.values import Value
 from hil.wire import pulses as wire
@@ -13,6 +15,7 @@ from hil.wire.messages import ControllerTick, MachineCommand, Message, Pulse
 from plant.engines.machine import MachineOrder
 from plant.rig.state import AS_BEFORE, Command
 
+_TICK_MASK: Final = 0xFFFFFFFF
 _COMING_UP_NS: Final = 1_000_000_000
 """For so long at the most the plant goes on as it began when nothing is heard."""
 
@@ -71,14 +74,16 @@ class AnswersMemory(Value):
 class Answers:
     """The controller's end as the plant hears it."""
 
-    def __init__(self, link: Link, first_tick: int, period_ns: int) -> None:
+    def __init__(self, link: Link, first_tick: int, period_ns: int, stale_ticks: int) -> None:
         self.decoder = Decoder("controller")
         self.first_tick = first_tick
         self.used_tick = -1
         self.answered = 0
+        self.stale = 0  # answers that had waited too long to be acted on
         self.peer_lost = False
         self._link = link
         self._period_ns = period_ns
+        self._stale_ticks = stale_ticks
         self._answered_before = False
         self._silent_turns = 0
         self._throttle = 1.0
@@ -93,9 +98,9 @@ class Answers:
         if not arrived:
             return self._unanswered(tick)
         self._silent_turns = 0
-        head, machine, pulses = _read(self.decoder.decode(arrived[0]))
+        head, machine, pulses = self._fresh(arrived[0], tick)
         if len(arrived) > 1:
-            head, machine, pulses = self._read_on(arrived, head, machine, pulses)
+            head, machine, pulses = self._read_on(arrived, tick, head, machine, pulses)
         if head is None:
             return Answer(-1, None, tuple(arrived))
         self.peer_lost = False
@@ -110,16 +115,27 @@ class Answers:
         return Answer(head.tick, self._command, tuple(arrived), self._throttle)
 
     def _read_on(
-        self, arrived: list[bytes], head: ControllerTick | None, machine: MachineCommand | None,
-        pulses: list[Pulse],
+        self, arrived: list[bytes], tick: i64, head: ControllerTick | None,
+        machine: MachineCommand | None, pulses: list[Pulse],
     ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:  # fmt: skip
         """Decode the answers after the first, of which the newer counts."""
         for batch in arrived[1:]:
-            next_head, next_machine, newer = _read(self.decoder.decode(batch))
+            next_head, next_machine, newer = self._fresh(batch, tick)
             head = head if next_head is None else next_head
             machine = machine if next_machine is None else next_machine
             pulses = wire.superseded(pulses, newer)
         return head, machine, pulses
+
+    def _fresh(
+        self, batch: bytes, tick: i64
+    ) -> tuple[ControllerTick | None, MachineCommand | None, list[Pulse]]:
+        """What one batch holds; nothing when it answers a sample that is too old by now."""
+        head, machine, pulses = _read(self.decoder.decode(batch))
+        age = 0 if head is None else tick - head.tick & _TICK_MASK
+        if age <= self._stale_ticks or age > _TICK_MASK >> 1:
+            return head, machine, pulses
+        self.stale += 1
+        return None, None, []
 
     def _is_repeated(self, mode: int, machine: MachineCommand | None, pulses: list[Pulse]) -> bool:
         """Whether an answer says what the last one did; a repeated frame is the same message."""

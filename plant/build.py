@@ -22,19 +22,21 @@ def plant_params(
     period_ns: int,
     seed: int = 0,
     events: Mapping[str, TimedCommand] | None = None,
+    rearm: bool = False,
 ) -> PlantParams:
     """Build the engine that a configuration names, and flatten the rest.
 
     Raises: ConfigError when the period is outside 10 us to 10 ms, or there is no such engine
     """
     engine = build_engine(config, checked_period_ns(period_ns))
-    return rig_params(config, engine, period_ns, seed, dict(events or {}))
+    return rig_params(config, engine, period_ns, seed, dict(events or {}), rearm)
 
 
 def make_params(scenario: Resolved) -> PlantParams:
     """The plant's part of a scenario."""
     events = {name: event for name, event in scenario.events.items() if event.to == PLANT}
-    return plant_params(scenario.plant, scenario.loop.period_ns, scenario.run.seed, events)
+    period_ns, rearm = scenario.loop.period_ns, scenario.safety.rearm
+    return plant_params(scenario.plant, period_ns, scenario.run.seed, events, rearm)
 
 
 def begin(scenario: Resolved, params: PlantParams) -> tuple[PlantState, tuple[Event, ...]]:

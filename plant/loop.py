@@ -24,6 +24,7 @@ from plant.log import pack_events, pack_skipped, pack_turn
 from plant.memory import LoopMemory, Measured, Ordered
 from plant.rig.events import Event
 from plant.rig.params import PlantParams
+from plant.rig.silence import unheard
 from plant.rig.state import AS_BEFORE, PlantState
 from plant.rig.step import step
 from plant.sensors import sample, sensed
@@ -34,6 +35,7 @@ _V_MOST: Final = most_of(PistonSample, "v_m_s")
 _POWER_MOST: Final = most_of(PlantTick, "electric_power_w")
 _P_MOST: Final = most_of(PlantTick, "p_left_pa")
 _COMMAND_EVERY: Final = 10
+_MOST_ARRIVED: Final = 256
 _NO_EVENTS: Final[tuple[Event, ...]] = ()
 
 
@@ -57,7 +59,7 @@ class PlantLoop:
         self.params = params
         self.state = state
         self.missed = 0
-        self.answers = Answers(link, state.tick, params.period_ns)
+        self.answers = Answers(link, state.tick, params.period_ns, params.stale_ticks)
         self._late_max_ns = 0
         self._link = link
         self._pacer = pacer
@@ -114,8 +116,9 @@ class PlantLoop:
         return sent_ns, arrived
 
     def _drain(self) -> list[bytes]:
-        arrived = []
-        while (batch := self._link.receive()) is not None:
+        """What has come; of a flood a part, so that the tick is not late for it."""
+        arrived: list[bytes] = []
+        while len(arrived) < _MOST_ARRIVED and (batch := self._link.receive()) is not None:
             arrived.append(batch)
         return arrived
 
@@ -146,7 +149,8 @@ class PlantLoop:
             _within(left, _P_MOST) if slow == P_LEFT else _NAN,
             _within(right, _P_MOST) if slow == P_RIGHT else _NAN,
         )
-        body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST))
+        heard = unheard(self.params, state) if state.stale or state.latch else 0
+        body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST), heard)
         return Measured(x_m, v_m_s, left, right, power, self._encoder.encode((head, body)))
 
     def _take_fault(self, commands: CommandSource, tick: int) -> None:
@@ -173,11 +177,14 @@ class PlantLoop:
         self._heard = heard
 
     def _catch_up(self, tick: int, slot: Slot) -> None:
-        """Integrate the ticks whose slots have passed: nothing was sent, and nothing answered."""
+        """Integrate the ticks whose slots have passed: nothing was sent, and nothing answered.
+
+        Once the controller has been heard, that is silence.
+        """
+        held = None if self.answers.answered else AS_BEFORE
         self.missed += slot.tick - tick
         for missed in range(tick, slot.tick):
             before = self.state
-            held = AS_BEFORE if before.stale == 0 else None
             self.state, events = step(self.params, before, held)
             t_ns = missed * self.params.period_ns
             data = pack_skipped(missed, t_ns, slot.woke_ns, before)
@@ -238,7 +245,7 @@ class PlantLoop:
             missed=self.missed,
             answered=self.answered,
             used_tick=self.answers.used_tick,
-            safe=state.stale >= self.params.stale_ticks,
+            safe=state.latch != 0,
             contacts=state.contacts,
             reception=self.decoder.counts()._asdict(),
         )

@@ -6,12 +6,13 @@ from typing import Any
 
 from hil.errors import PEER_LOST, RunError
 from hil.ports import Ports
+from hil.wire.latch import RELEASED
 from plant.loop import PlantLoop
 
 
 def is_safe(loop: PlantLoop) -> bool:
     """Whether the plant is in its safe state."""
-    return loop.state.stale >= loop.params.stale_ticks
+    return loop.state.latch != RELEASED
 
 
 def describe(loop: PlantLoop) -> str:
@@ -26,7 +27,7 @@ def raise_if_lost(loop: PlantLoop) -> None:
 
     Raises: RunError
     """
-    if is_safe(loop):
+    if loop.state.stale >= loop.params.stale_ticks:
         if not loop.answered:
             raise RunError("controller never answered")
         raise RunError(f"controller {PEER_LOST} command in the last {loop.state.stale} ticks")

@@ -92,7 +92,7 @@ class Safe(NamedTuple):
 
 LIMIT_MM: Final = 19.5
 SAFE_TICKS: Final = 12
-"""Ten stale ticks and the reaction."""
+"""Eleven silent ticks, more than 10 ms, and the reaction."""
 
 
 class Watch:
@@ -188,9 +188,8 @@ _NOTES: Final = (
     "  without a sample.",
     "- TDC: least and largest dead centre before a safe state, set point 15.5 mm, limit 19.5 mm.",
     "- safe state: ticks after the first fault, and how many of them in a row had no valid frames",
-    "  of the peer; ten are allowed. The controller stays in it until it is started again. The",
-    "  plant comes back when its controller does; a controller whose orders went unheard meanwhile",
-    "  gives up for too many misfires.",
+    "  of the peer; 10 ms are allowed. Both stay in it until the controller is started again. A",
+    "  controller that is not heard is told so by the plant's samples, and gives up too.",
 )
 
 

@@ -228,7 +228,7 @@ class Rig:
     @property
     def plant_is_safe(self) -> bool:
         """Whether the plant has given its controller up."""
-        return self.plant.state.stale >= self.plant.params.stale_ticks
+        return self.plant.state.latch != 0
 
     def turn(self, tick: int) -> None:
         """Run one tick: the plant's turn at its start, the controller's within it."""

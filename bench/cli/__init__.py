@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,6 +13,7 @@ from bench.cli import engine, fmu, measure, operate, studies
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Arguments, Assignments, Force
+from hil import compiled
 from hil.config.names import ClockName, LinkName
 
 app = typer.Typer(
@@ -151,8 +152,28 @@ def report(
 
 
 @app.command()
-def check() -> None:
-    """Say what this machine can do, and how to mend what it cannot."""
+def check(
+    what: Annotated[
+        Literal["machine", "trust"],
+        typer.Argument(help="What this machine can do, or is promised."),
+    ] = "machine",
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="Few tries of each attack.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the table as a page (.md).")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Say what this machine can do and how to mend what it cannot; or attack what is promised.
+
+    `trust` kills, stops and floods runs and damages logs. Exit code 1: a promise was not kept.
+    """
+    if what == "trust":
+        from bench.trust.page import run as attack
+        from hil.files import Output
+
+        page = None if out is None else Output("--out", out, force)
+        raise typer.Exit(attack(page, quick=quick))
     from bench.measure.machine import look_around
 
     raise typer.Exit(look_around())
@@ -179,8 +200,21 @@ engine.register(app)
 fmu.register(app)
 
 
+def _tell_of_edits() -> None:
+    """Say on standard error that an edit has taken the compiled loops out of use."""
+    changed = compiled.edited()
+    if changed:
+        others = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        print(
+            f"{changed[0]}{others} changed since `hil compile`: the loops are interpreted until it "
+            "is run again", file=sys.stderr,
+        )  # fmt: skip
+
+
 def main() -> None:
     """Entry point of `hil`: a known failure is one line on standard error and its exit code."""
+    if sys.argv[1:2] != ["compile"]:
+        _tell_of_edits()
     sys.exit(run_to_end(lambda: app(standalone_mode=False)))
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import errno
+import signal
 import traceback
 from collections.abc import Callable
 from typing import Any, Final
@@ -26,6 +27,9 @@ _OF_THE_USER: Final = {
 
 def run_to_end(command: Callable[[], Any]) -> int:
     """Run a command; a known failure is one line. Returns the exit code."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
     outlet = streams.install()
     return outlet.exit_code(_code_of(command))
 

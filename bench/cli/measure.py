@@ -86,7 +86,7 @@ def lockstep(
     out: OutOption = None,
 ) -> None:
     """Print how many times real time a run in one process goes, and the replay of its logs."""
-    from bench.measure.lockstep import run
+    from bench.logs.replay.speed import run
 
     raise typer.Exit(run(seconds, out, model, controller))
 

@@ -72,7 +72,7 @@ async def _run(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     interrupt = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
             loop.add_signal_handler(number, interrupt.set)
     started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     start_s = time.monotonic()

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, final
 
+from mypy_extensions import i64
+
+from controller.observe.plausibility import NAMES
 from hil.values import Value
 from hil.wire.messages import OperatingMode
 
@@ -26,22 +29,28 @@ class Facts(Value):
     """What the table looks at; each is true or false in this tick."""
 
     __slots__ = (
-        "start_requested", "stop_requested", "sample_stale", "beyond_limit", "fired", "misfired",
-        "misfires_exhausted", "motoring_too_long", "at_rest",
+        "start_requested", "stop_requested", "sample_stale", "unheard", "fault", "beyond_limit",
+        "fired", "misfired", "left_dead", "right_dead", "misfires_exhausted", "motoring_too_long",
+        "at_rest",
     )  # fmt: skip
 
     def __init__(
         self, start_requested: bool = False, stop_requested: bool = False,
-        sample_stale: bool = False, beyond_limit: bool = False, fired: bool = False,
-        misfired: bool = False, misfires_exhausted: bool = False, motoring_too_long: bool = False,
-        at_rest: bool = False,
+        sample_stale: bool = False, unheard: bool = False, fault: i64 = 0,
+        beyond_limit: bool = False, fired: bool = False, misfired: bool = False,
+        left_dead: bool = False, right_dead: bool = False, misfires_exhausted: bool = False,
+        motoring_too_long: bool = False, at_rest: bool = False,
     ) -> None:  # fmt: skip
         self.start_requested = start_requested
         self.stop_requested = stop_requested
         self.sample_stale = sample_stale
+        self.unheard = unheard
+        self.fault = fault
         self.beyond_limit = beyond_limit
         self.fired = fired
         self.misfired = misfired
+        self.left_dead = left_dead
+        self.right_dead = right_dead
         self.misfires_exhausted = misfires_exhausted
         self.motoring_too_long = motoring_too_long
         self.at_rest = at_rest
@@ -65,10 +74,19 @@ class Rule(Value):
 _ACTIVE = frozenset({MOTORING, GENERATING})
 _MOVING = _ACTIVE | {STOPPING}
 
+
+def _shows(fault: i64) -> Callable[[Facts], bool]:
+    return lambda facts: facts.fault == fault
+
+
 RULES: tuple[Rule, ...] = (
+    *(Rule(NAMES[fault], _ACTIVE, _shows(fault), SAFE) for fault in range(1, len(NAMES))),
     Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE),
+    Rule("plant does not hear", _MOVING, lambda f: f.unheard, SAFE),
     Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, SAFE),
     Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, SAFE),
+    Rule("left cylinder does not fire", _ACTIVE, lambda f: f.left_dead, SAFE),
+    Rule("right cylinder does not fire", _ACTIVE, lambda f: f.right_dead, SAFE),
     Rule("motoring did not reach the amplitude", frozenset({MOTORING}),
          lambda f: f.motoring_too_long, SAFE),
     Rule("stop requested", _ACTIVE, lambda f: f.stop_requested, STOPPING),

@@ -8,6 +8,7 @@ from mypy_extensions import i64
 
 from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, seconds_to_dead_centre
+from hil.rounding import nearest
 
 
 def seconds_ahead(
@@ -24,6 +25,28 @@ def seconds_ahead(
         return seconds_to_dead_centre(motion, h, math.pi / stroke_map.stroke_s)
     q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
     return stroke_map.travel(q, load_n_s_m, motion.z_m, motion.speed_m_s, motion.tau_s)[1]
+
+
+def unseen_dead_centre(
+    stroke_map: StrokeMap | None, before: Motion, after: Motion, load_n_s_m: float,
+    burnt_kg: tuple[float, float],
+) -> Motion:  # fmt: skip
+    """Return the motion with the dead centre of a gap in the samples as the stroke's map has it.
+
+    Two samples on either side of a gap do not show where between them the piston turned. Without a
+    map that could tell, the distance stays what it was: no law may act on a guess.
+
+    Parameters: before, after : motion at the last sample before the gap, at the first one behind it
+    """
+    known = before.tdc_m if before.tdc_m > 0.0 else after.tdc_m
+    if stroke_map is None or not stroke_map.fits:
+        return after.ended_at(known, after.dc_t_ns, before.quarter_ns)
+    q = burnt_kg[0] if before.side == 0 else burnt_kg[1]
+    tdc_m, seconds = stroke_map.travel(q, load_n_s_m, before.z_m, before.speed_m_s, before.tau_s)
+    dc_t_ns = before.t_ns + nearest(seconds * 1e9)
+    if not before.t_ns <= dc_t_ns <= after.t_ns:
+        return after.ended_at(known, after.dc_t_ns, before.quarter_ns)
+    return after.ended_at(tdc_m, dc_t_ns, before.quarter_ns)
 
 
 def speeds(

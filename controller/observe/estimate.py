@@ -21,6 +21,9 @@ AMPLITUDE_MIN_M: Final = 0.5e-3
 SPEED_MIN_M_S: Final = 5e-3
 """Below this the direction of motion is not judged."""
 
+SHOWN_NS: Final = 3_000_000
+"""What lies between two samples further apart than this has not been seen when some are missing."""
+
 
 @final
 class Motion(Value):
@@ -59,6 +62,13 @@ class Motion(Value):
         self.passed_mid = passed_mid
         self.quarter_ns = quarter_ns
 
+    def ended_at(self, tdc_m: float, dc_t_ns: i64, quarter_ns: i64) -> Motion:
+        """The motion with another last dead centre, so long after mid-stroke."""
+        return Motion(
+            self.direction, self.t_ns, self.x_m, self.v_m_s, self.a_m_s2, tdc_m, self.side, dc_t_ns,
+            self.v_mid_m_s, self.mid_t_ns, self.stroke, self.passed_mid, quarter_ns,
+        )  # fmt: skip
+
     @property
     def z_m(self) -> float:
         """Position in the direction of motion, from the middle [m]."""
@@ -94,27 +104,59 @@ class Passed(Value):
 NOTHING: Final = Passed()
 DEAD_CENTRE: Final = Passed(dead_centre=True)
 MID_STROKE: Final = Passed(mid_stroke=True)
+BOTH: Final = Passed(dead_centre=True, mid_stroke=True)
 
 
 @final
 class Observation(Value):
-    """What a tick shows of the motion; `stale` ticks in a row have had no sample."""
+    """What a tick shows of the motion; `stale` ticks in a row have had no sample.
 
-    __slots__ = ("t_ns", "motion", "passed", "stale")
+    unheard: for how long the plant says that it has heard nothing, 15 in its safe state
+    fault: what the samples show to be wrong, nought while nothing does
+    whole: whether what was passed lies between two samples that are near enough to show it
+    """
 
-    def __init__(self, t_ns: i64, motion: Motion, passed: Passed, stale: i64) -> None:
+    __slots__ = ("t_ns", "motion", "passed", "stale", "unheard", "whole", "fault")
+
+    def __init__(
+        self, t_ns: i64, motion: Motion, passed: Passed, stale: i64, unheard: i64 = 0,
+        whole: bool = True, fault: i64 = 0,
+    ) -> None:  # fmt: skip
         self.t_ns = t_ns
         self.motion = motion
         self.passed = passed
         self.stale = stale
+        self.unheard = unheard
+        self.whole = whole
+        self.fault = fault
+
+    def with_motion(self, motion: Motion) -> Observation:
+        """The same of another motion."""
+        return Observation(
+            self.t_ns, motion, self.passed, self.stale, self.unheard, self.whole, self.fault
+        )
 
 
-def observe(motion: Motion, stale: i64, sample: PistonSample | None, t_ns: i64) -> Observation:
+def observe(
+    motion: Motion, stale: i64, sample: PistonSample | None, t_ns: i64, fault: i64 = 0
+) -> Observation:
     """Take the sample of a tick into the estimate, or count that there was none."""
     if sample is None:
-        return Observation(t_ns, motion, NOTHING, stale + 1)
-    motion, passed = update(motion, t_ns, sample.x_m, sample.v_m_s)
-    return Observation(t_ns, motion, passed, 0)
+        return Observation(t_ns, motion, NOTHING, stale + 1, 0, True, fault)
+    whole = stale == 0 or t_ns - motion.t_ns <= SHOWN_NS
+    after, passed = update(motion, t_ns, sample.x_m, sample.v_m_s)
+    if not whole and passed.dead_centre and after.z_m > 0.0 and after.speed_m_s > 0.0:
+        after, passed = _beyond_mid(motion, after), BOTH
+    return Observation(t_ns, after, passed, 0, sample.unheard, whole, fault)
+
+
+def _beyond_mid(before: Motion, after: Motion) -> Motion:
+    """A gap has hidden a dead centre and the middle behind it; that was x / v ago, about."""
+    mid_t_ns = after.t_ns - nearest(after.z_m / after.speed_m_s * 1e9)
+    return Motion(
+        after.direction, after.t_ns, after.x_m, after.v_m_s, after.a_m_s2, after.tdc_m, after.side,
+        after.dc_t_ns, before.v_mid_m_s, mid_t_ns, after.stroke, True, before.quarter_ns,
+    )  # fmt: skip
 
 
 def update(motion: Motion, t_ns: i64, x: float, v: float) -> tuple[Motion, Passed]:

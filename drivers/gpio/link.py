@@ -13,6 +13,7 @@ from typing import Any, Final
 from drivers.gpio.process import HEAD
 from drivers.links import Connection
 from drivers.recorder import ring
+from hil.config.ranges import stale_ticks
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, RunError
 from hil.ports import Link
@@ -31,9 +32,11 @@ class OutputProcess:
     def __init__(self, scenario: Resolved, command: tuple[str, ...] = ()) -> None:
         fd = ring.create(RING_BYTES)
         self._ring = ring.Producer(fd)
+        period_ns = scenario.loop.period_ns
         told = {
             "outputs": scenario.outputs.model_dump(), "ring": fd, "parent": os.getpid(),
-            "period_ns": scenario.loop.period_ns, "stale_ticks": scenario.plant.stale_ticks,
+            "period_ns": period_ns, "stale_ticks": stale_ticks(scenario.plant.stale_s, period_ns),
+            "rearm": scenario.safety.rearm,
         }  # fmt: skip
         words = command or (sys.executable, "-P", "-m", "drivers.gpio.process")
         self._process = subprocess.Popen(

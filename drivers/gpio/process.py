@@ -39,11 +39,13 @@ class EdgeDriver:
     """Frames to edges on lines; knows nothing of processes.
 
     period_ns, stale_ticks : the plant's tick, and how many without an answer it waits
+    rearm : lines act again when answers return, and need no start
     """
 
     def __init__(
-        self, lines: Lines, config: OutputsConfig, period_ns: int, stale_ticks: int
-    ) -> None:
+        self, lines: Lines, config: OutputsConfig, period_ns: int, stale_ticks: int,
+        rearm: bool = False,
+    ) -> None:  # fmt: skip
         self._lines = lines
         self._late_ns = config.late_us * 1000
         self._period_ns = period_ns
@@ -52,7 +54,8 @@ class EdgeDriver:
             self._silence_ns = min(self._silence_ns, round(config.silence_s * 1e9))
         self._clock = PlantClock(period_ns, config.phase_us * 1000)
         self._decoder = Decoder("controller")
-        self._schedule = EdgeSchedule(self._silence_ns)
+        self._rearm = rearm
+        self._schedule = EdgeSchedule(self._silence_ns, rearm)
         self._tick = 0
         self.late = 0
         """Openings that were left out, since it was too late for them."""
@@ -95,7 +98,7 @@ class EdgeDriver:
 
     def rest(self) -> None:
         """Forget what was ordered and let all lines be low."""
-        self._schedule = EdgeSchedule(self._silence_ns)
+        self._schedule = EdgeSchedule(self._silence_ns, self._rearm)
         self._lines.all_low()
 
 
@@ -160,7 +163,8 @@ def serve(told: dict[str, object]) -> int:
     try:
         prepare(RealtimeConfig(priority=config.priority))
         period_ns, stale_ticks = int(str(told["period_ns"])), int(str(told["stale_ticks"]))
-        driver = EdgeDriver(lines, config, period_ns, stale_ticks)
+        rearm = told["rearm"] is True
+        driver = EdgeDriver(lines, config, period_ns, stale_ticks, rearm)
         print("ready", flush=True)
         drive(driver, ring, round(config.spin_s * 1e9), life.goes_on)
     finally:

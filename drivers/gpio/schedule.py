@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from hil.values import NEVER
-from hil.wire import pulses
+from hil.wire import latch, pulses
 from hil.wire.messages import CHANNELS, Pulse
 from hil.wire.pulses import Edge, PulseOrder
 
@@ -25,14 +25,17 @@ class _Answer(NamedTuple):
 class EdgeSchedule:
     """What was answered, and the edges that follow from it.
 
-    silence_ns: from the instant at which the last answer acted until all lines are low [ns]
+    silence_ns: from the instant at which the last answer acted until all lines are low [ns], and
+        stay so until the controller is started again (hil/wire/latch.py), or answers: `rearm`
     """
 
-    def __init__(self, silence_ns: int) -> None:
+    def __init__(self, silence_ns: int, rearm: bool = False) -> None:
         self._table = pulses.lines_for(len(CHANNELS))
         self._answers: list[_Answer] = []
         self._silence_ns = silence_ns
         self._low_ns = NEVER
+        self._rearm = rearm
+        self._latch = latch.RELEASED
 
     def answer(self, acts_ns: int, mode: int | None, sent: list[Pulse]) -> None:
         """Take an answer, in the order of sending; of several for one tick the newer counts."""
@@ -50,13 +53,21 @@ class EdgeSchedule:
             if mode is None:
                 continue
             if self._low_ns < acts_ns:
-                edges += self._follow(False, (), self._low_ns)
-            edges += self._follow(pulses.may_fire(mode), pulses.orders_of(sent), acts_ns)
+                edges += self._fall_silent()
+            fires = pulses.may_fire(mode)
+            self._latch = latch.after_answer(self._latch, fires)
+            if self._latch == latch.RELEASED:
+                edges += self._follow(fires, pulses.orders_of(sent), acts_ns)
             self._low_ns = acts_ns + self._silence_ns
         if self._low_ns <= now_ns:
-            edges += self._follow(False, (), self._low_ns)
+            edges += self._fall_silent()
             self._low_ns = NEVER
         return edges + self._passed(now_ns)
+
+    def _fall_silent(self) -> list[Edge]:
+        """Let all lines be low when the silence has lasted."""
+        self._latch = latch.RELEASED if self._rearm else latch.LATCHED
+        return self._follow(False, (), self._low_ns)
 
     def _follow(self, fires: bool, orders: tuple[PulseOrder, ...], at_ns: int) -> list[Edge]:
         """Let the lines follow what is said of them at an instant."""
@@ -71,7 +82,8 @@ class EdgeSchedule:
     def next_ns(self) -> int:
         """Return when the next edge is due, what acts by then included; NEVER for none."""
         table = self._table
-        for acts_ns, mode, sent in self._answers:
+        answers = self._answers if self._latch == latch.RELEASED else []
+        for acts_ns, mode, sent in answers:
             if table.next_edge_ns <= acts_ns:
                 break
             if mode is not None:

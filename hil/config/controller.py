@@ -8,7 +8,7 @@ from pydantic import Field
 
 from hil.config.base import Section, ranged
 from hil.config.prototypes import DEFAULT
-from hil.config.ranges import STALE_TICKS, DeadTimeS, FlowKgS, StaleTicks, StartForceN, TdcRefM
+from hil.config.ranges import STALE_S, DeadTimeS, FlowKgS, StaleS, StartForceN, TdcRefM
 from hil.wire.commands import LAW, TARGET_POWER_W
 from hil.wire.fields import most_of
 from hil.wire.messages import MachineCommand
@@ -240,7 +240,7 @@ class LimitsConfig(Section):
     fuel_min_kg: FuelKg = DEFAULT.fuel_min_kg
     fuel_max_kg: FuelKg = DEFAULT.fuel_max_kg
     force_n: float = Field(default=DEFAULT.peak_force_n, gt=0.0, le=_WIRE_FORCE_N)
-    stale_ticks: StaleTicks = STALE_TICKS
+    stale_s: StaleS = Field(default=STALE_S, description="silence borne of the plant")
     misfires: int = Field(default=3, ge=1, le=1000)
 
 

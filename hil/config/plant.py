@@ -9,12 +9,12 @@ from pydantic import Field, create_model, model_validator
 from hil.config.base import OneOf, Section
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 from hil.config.ranges import (
-    STALE_TICKS,
+    STALE_S,
     DeadTimeS,
     FlowKgS,
     LoadCoefficient,
     Restitution,
-    StaleTicks,
+    StaleS,
 )
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
@@ -93,7 +93,7 @@ class PlantConfig(Section):
     injector: InjectorConfig = InjectorConfig()
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution
-    stale_ticks: StaleTicks = STALE_TICKS
+    stale_s: StaleS = Field(default=STALE_S, description="silence borne of the controller")
     command_delay_ticks: Annotated[
         int, Field(ge=0, le=20, description="ticks by which commands act later than the wire's one")
     ] = 0

@@ -74,6 +74,15 @@ class RolesConfig(Section):
     observer: CommonNames = ("observer",)
 
 
+class SafetyConfig(Section):
+    """What leads out of the safe state besides an operator's start: nothing, unless it is said."""
+
+    rearm: bool = Field(
+        default=False,
+        description="the plant goes on when commands return, a restarted controller resumes",
+    )
+
+
 class TlsConfig(Section):
     """Mutual TLS of a Zenoh endpoint that leaves the machine."""
 

@@ -26,8 +26,15 @@ Restitution = Annotated[float, Field(ge=0.0, le=0.95)]
 FuelKg = Annotated[float, Field(gt=0.0, le=1.0e-3)]
 FlowKgS = Annotated[float, Field(gt=0.0, le=0.1)]
 DeadTimeS = Annotated[float, Field(ge=0.0, le=0.01)]
-StaleTicks = Annotated[int, Field(ge=1, le=10_000)]
-"""After so many ticks in a row without the peer's frames a process is in its safe state."""
+StaleS = Annotated[float, Field(gt=0.0, le=10.0)]
+"""So long a silence of the peer, or age of what it sent, is borne; beyond it is the safe state."""
 
-STALE_TICKS = 10
-"""How many that is unless it is given, on both sides."""
+STALE_S = 0.010
+"""How long that is unless it is given, on both sides."""
+
+LEAST_STALE_TICKS = 3
+
+
+def stale_ticks(stale_s: float, period_ns: int) -> int:
+    """The first count of silent ticks that is beyond the time; three at the least."""
+    return max(round(stale_s * 1e9) // period_ns + 1, LEAST_STALE_TICKS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,9 +12,43 @@ from hil.config.events import Event
 from hil.config.inputs import InputsConfig
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
-from hil.config.process import LinkConfig, LogConfig, LoopConfig, RealtimeConfig, RunConfig
+from hil.config.process import (
+    LinkConfig,
+    LogConfig,
+    LoopConfig,
+    RealtimeConfig,
+    RunConfig,
+    SafetyConfig,
+)
 from hil.wire.busload import check_fit
 from hil.wire.messages import OPERATING_MODES
+
+_HAD_TICKS = (("plant",), ("controller", "limits"))
+
+
+def stale_as_time(tree: dict[str, Any]) -> dict[str, Any]:
+    """Return the tree with `stale_ticks` of either side as `stale_s`, where that is not given."""
+    for path in _HAD_TICKS:
+        tree = _with_stale_time(tree, path, (tree.get("loop") or {}).get("rate_hz", 1000))
+    return tree
+
+
+def _with_stale_time(tree: Any, path: tuple[str, ...], rate_hz: Any) -> Any:  # noqa: ANN401
+    if not isinstance(tree, dict):
+        return tree
+    if path:
+        head, *rest = path
+        return (
+            tree | {head: _with_stale_time(tree[head], tuple(rest), rate_hz)}
+            if head in tree
+            else tree
+        )
+    ticks = tree.get("stale_ticks")
+    if type(ticks) is not int or type(rate_hz) is not int or "stale_s" in tree:
+        return tree
+    left = {name: value for name, value in tree.items() if name != "stale_ticks"}
+    return left | {"stale_s": (ticks - 0.5) / rate_hz}
+
 
 ModeName = Annotated[str, OneOf((*OPERATING_MODES.values(), "running"))]
 
@@ -61,6 +95,7 @@ class Scenario(Section):
     loop: LoopConfig = LoopConfig()
     link: LinkConfig = LinkConfig()
     realtime: RealtimeConfig = RealtimeConfig()
+    safety: SafetyConfig = SafetyConfig()
     log: LogConfig = LogConfig()
     plant: PlantConfig = PlantConfig()
     controller: ControllerConfig = ControllerConfig()
@@ -73,6 +108,12 @@ class Scenario(Section):
     def ticks(self) -> int:
         """How many ticks the run has."""
         return round(self.run.duration_s * self.loop.rate_hz)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _stale_as_a_time(cls, given: Any) -> Any:  # noqa: ANN401
+        """Read the limits in ticks of earlier versions as the times that they were at this rate."""
+        return stale_as_time(given) if isinstance(given, dict) else given
 
     @model_validator(mode="after")
     def _bus_carries_the_rate(self) -> Scenario:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from hil.wire.quantities import printable
 
-MAX_BYTES: Final = 2048
+MAX_BYTES: Final = 4096
 """No answer is longer."""
 
 MAX_WAITING: Final = 64

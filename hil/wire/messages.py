@@ -65,6 +65,9 @@ SLOW_SIGNALS: Final = {ELECTRIC_POWER: "electric_power", P_LEFT: "p_left", P_RIG
 SLOW_ORDER: Final[tuple[int, ...]] = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
 """They take turns: which one a tick carries, by its number modulo four."""
 
+UNHEARD_SAFE: Final = 15
+"""The plant is in its safe state."""
+
 PULSE_CLOCK_US: Final = 1 << 20
 """Openings are given in plant microseconds modulo this (20 bits)."""
 
@@ -109,17 +112,21 @@ class PistonSample(Value):
 
     x_m: position from mid-stroke
     v_m_s: velocity
+    unheard: how long no answer could be acted on: nought, or in fourteenths of what the plant
+        bears; 15 when it is in its safe state
     """
 
-    __slots__ = ("x_m", "v_m_s")
+    __slots__ = ("x_m", "v_m_s", "unheard")
 
     def __init__(
         self,
         x_m: A[float, Signal("i24", scale=1e-8, unit="m", minimum=-0.08, maximum=0.08)],
         v_m_s: A[float, Signal("i24", scale=1e-6, unit="m/s", minimum=-8.0, maximum=8.0)],
+        unheard: A[int, Signal("u4")] = 0,
     ) -> None:
         self.x_m = x_m
         self.v_m_s = v_m_s
+        self.unheard = unheard
 
 
 message(0x101, sender="plant", receiver="controller")(PistonSample)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hil.errors import ConfigError
+from hil.wire.latch import RELEASED
 from hil.wire.messages import GENERATOR, VALVES
 from hil.wire.pulses import lines_for
 from plant.engines.machine import IDLE, MachineOrder
@@ -52,6 +53,7 @@ def _at(p: PlantParams, motion: Motion) -> PlantState:
         dead_centre=DeadCentre(0, 0, 0.0, 0.0, 1.0),
         lit=NO_CHARGE,
         stale=0,
+        latch=RELEASED,
         contacts=0,
         waiting=(),
     )

@@ -10,8 +10,8 @@ from hil.wire import pulses
 from hil.wire.messages import GENERATOR, MACHINE_MODES, MOTOR
 from hil.wire.pulses import PulseOrder
 from plant.engines.machine import Machine, MachineOrder, same_order
-from plant.rig import actuation
-from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, SAFE_STATE, SAFE_STATE_LEFT, Event
+from plant.rig import actuation, silence
+from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, Event
 from plant.rig.params import PlantParams
 from plant.rig.state import AS_BEFORE, Command, PlantState
 
@@ -41,10 +41,10 @@ def follow(
 def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) -> PlantState:
     """Take a valid tick's orders; ordinarily they are the ones in force already."""
     now_ns = s.tick * p.period_ns
-    if s.stale:
-        if s.stale >= p.stale_ticks:
-            events.append(Event(now_ns, SAFE_STATE_LEFT, "commands have returned"))
-        s = replace(s, stale=0)
+    if s.stale or s.latch:
+        s = silence.heard(p, s, command, events)
+        if s.latch:
+            return s
     order = command.machine
     if order is not None and not same_order(order, s.machine.order):
         s = _reorder(p, s, order, now_ns, events)
@@ -84,18 +84,11 @@ def _reorder(
 
 def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Count the silence; when it has lasted, brake, and close the injectors."""
-    s = replace(s, stale=s.stale + 1)
-    if s.stale != p.stale_ticks:
+    s, begins = silence.silent(p, s, events)
+    if not begins:
         return s
-    now_ns = s.tick * p.period_ns
-    text = f"no valid command for {s.stale} ticks: injectors closed, ignition off, machine braking"
-    events.append(Event(now_ns, SAFE_STATE, text))
-    return _reorder(p, _lines(p, s, False, _NO_PULSES, events), safe_order(p), now_ns, events)
-
-
-def safe_order(p: PlantParams) -> MachineOrder:
-    """Brake as a generator at the full nominal load coefficient."""
-    return MachineOrder(GENERATOR, 0.0, p.load_coefficient_n_s_m)
+    s = _lines(p, s, False, _NO_PULSES, events)
+    return _reorder(p, s, silence.safe_order(p), s.tick * p.period_ns, events)
 
 
 def objection(order: MachineOrder) -> str:

@@ -8,6 +8,7 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from hil.config.plant import PlantConfig, SensorConfig
+from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
 from hil.values import Value
 from hil.wire.commands import TimedCommand
@@ -23,12 +24,15 @@ _FUEL_TOLERANCE_KG: Final = 0.5e-9
 
 @final
 class PlantParams(Value):
-    """Everything constant in a run; `names`, `events` and `edges` are the disturbances."""
+    """Everything constant in a run; `names`, `events` and `edges` are the disturbances.
+
+    rearm: the safe state ends when answers return, and needs no start
+    """
 
     __slots__ = (
         "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m", "peak_force_n",
         "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors", "noisy", "seed",
-        "names", "events", "edges", "delay_ticks",
+        "names", "events", "edges", "delay_ticks", "rearm",
     )  # fmt: skip
 
     def __init__(
@@ -50,6 +54,7 @@ class PlantParams(Value):
         events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...],
         delay_ticks: i64,
+        rearm: bool,
     ) -> None:
         self.engine = engine
         self.dt_s = dt_s
@@ -68,6 +73,7 @@ class PlantParams(Value):
         self.events = events
         self.edges = edges
         self.delay_ticks = delay_ticks
+        self.rearm = rearm
 
 
 def checked_period_ns(period_ns: int) -> int:
@@ -86,6 +92,7 @@ def rig_params(
     period_ns: int,
     seed: int,
     events: Mapping[str, TimedCommand],
+    rearm: bool = False,
 ) -> PlantParams:
     """Flatten a configuration around an engine that is built."""
     prototype = config.resolved_prototype()
@@ -95,7 +102,7 @@ def rig_params(
         engine=engine,
         dt_s=period_ns / SECOND_NS,
         period_ns=period_ns,
-        stale_ticks=config.stale_ticks,
+        stale_ticks=stale_ticks(config.stale_s, period_ns),
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
         spark_window_ns=config.spark_window_s * SECOND_NS,
@@ -112,4 +119,5 @@ def rig_params(
         events=tuple(events.values()),
         edges=compile_edges(tuple(events.values())),
         delay_ticks=config.command_delay_ticks,
+        rearm=rearm,
     )

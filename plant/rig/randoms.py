@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 EFFICIENCY = 1
 SENSOR = 2
@@ -18,10 +19,14 @@ def _mix(z: int) -> int:
     return z ^ (z >> 31)
 
 
+@cache
+def _key(seed: int, stream: int) -> int:
+    return _mix((seed * 0x9E3779B97F4A7C15 + stream) & _MASK)
+
+
 def uniform(seed: int, stream: int, index: int) -> float:
     """Return the number of that seed, stream and index, uniform in [0, 1)."""
-    key = _mix((seed * 0x9E3779B97F4A7C15 + stream) & _MASK)
-    return (_mix((key + index * 0x9E3779B97F4A7C15) & _MASK) >> 11) * _TO_UNIT
+    return (_mix((_key(seed, stream) + index * 0x9E3779B97F4A7C15) & _MASK) >> 11) * _TO_UNIT
 
 
 def normal_pair(seed: int, stream: int, index: int) -> tuple[float, float]:

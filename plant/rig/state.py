@@ -77,12 +77,14 @@ class PlantState(Value):
 
     lit: the charge that a spark has lit in this stroke, for engines that burn before the dead
         centre
+    stale: ticks in a row without an answer that may be acted on
+    latch: of the safe state (hil/wire/latch.py)
     waiting: commands that have arrived and do not act yet, the oldest first
     """
 
     __slots__ = (
         "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
-        "stale", "contacts", "waiting",
+        "stale", "latch", "contacts", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -96,6 +98,7 @@ class PlantState(Value):
         dead_centre: DeadCentre,
         lit: Charge,
         stale: i64,
+        latch: i64,
         contacts: int,
         waiting: tuple[Command | None, ...],
     ) -> None:
@@ -108,6 +111,7 @@ class PlantState(Value):
         self.dead_centre = dead_centre
         self.lit = lit
         self.stale = stale
+        self.latch = latch
         self.contacts = contacts
         self.waiting = waiting
 
@@ -133,6 +137,7 @@ class PlantState(Value):
             dead_centre or self.dead_centre,
             lit or self.lit,
             self.stale,
+            self.latch,
             self.contacts,
             self.waiting,
         )

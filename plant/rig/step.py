@@ -84,7 +84,7 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
 def _at_next_tick(s: PlantState, motion: Motion, pulses: Actuation) -> PlantState:
     return PlantState(
         s.tick + 1, motion, s.stroke, s.machine, pulses, s.disturbances, s.dead_centre,
-        s.lit, s.stale, s.contacts, s.waiting,
+        s.lit, s.stale, s.latch, s.contacts, s.waiting,
     )  # fmt: skip
 
 

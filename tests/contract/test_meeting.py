@@ -2,13 +2,14 @@
 
 import contextlib
 import os
+import threading
 
 import pytest
 from meetings import eventually, refusals
 
 from drivers.links import open_link
 from hil.config.process import LoopConfig
-from hil.errors import LinkError
+from hil.errors import LinkError, RefusedError
 from hil.wire.terms import DECLARED
 
 REAL_TIME = LoopConfig()
@@ -145,14 +146,32 @@ def test_on_a_bus_a_controller_that_tells_no_terms_is_taken_and_told(strangers):
         assert list(told_by(plant)) == ["peer-without-terms"]
 
 
+@contextlib.contextmanager
+def running(connection, batch):
+    """Let a side send as one that runs."""
+    over = threading.Event()
+
+    def send():
+        while not over.wait(0.01):
+            connection.link.send(batch)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
 @pytest.mark.parametrize("side", ["plant", "controller"])
 def test_on_a_bus_a_second_one_is_refused_and_told(strangers, ticks, side):
     with opened("plant", strangers()) as plant, opened("controller", strangers()) as controller:
         assert refusals(plant, controller) == {}
         first = plant if side == "plant" else controller
         with opened(side, strangers()) as late:
-            first.link.send(ticks.batch(side, 0))
-            with pytest.raises(LinkError, match=f"a {side} is there already on zenoh:m"):
+            with (
+                running(first, ticks.batch(side, 0)),
+                pytest.raises(RefusedError, match=f"a {side} is there already on zenoh:m"),
+            ):
                 late.link.wait_for_peer(3.0)
             late.link.send(ticks.batch(side, 0))  # one that waits for nobody
 

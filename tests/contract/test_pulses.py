@@ -16,6 +16,7 @@ from drivers.recorder.client import NullRecorder
 from hil import ports
 from hil.config.outputs import OutputsConfig
 from hil.config.plant import PlantConfig
+from hil.config.ranges import stale_ticks
 from hil.pacing import RealTimePacer
 from hil.values import replace
 from hil.wire import pulses
@@ -31,7 +32,7 @@ pytestmark = pytest.mark.interpreted("watches the table of pulses from inside")
 
 US, MS = 1000, 1_000_000
 PERIOD_NS = MS
-STALE_TICKS = PlantConfig().stale_ticks
+STALE_TICKS = stale_ticks(PlantConfig().stale_s, PERIOD_NS)
 EPOCH_NS = 77_000 * MS
 """Where the plant's time begins on the monotonic clock."""
 

@@ -94,6 +94,8 @@ peer_timeout_s = 30
 [link.zenoh]
 plant_endpoint = "unixsock-stream/{tmp_path}/p.sock"
 controller_endpoint = "unixsock-stream/{tmp_path}/c.sock"
+[safety]
+rearm = true
 [controller]
 running = false
 tdc_ref_m = 0.0155

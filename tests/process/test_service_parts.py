@@ -131,7 +131,9 @@ def test_a_predecessor_that_ran_the_engine_speaks_first() -> None:
     others = MemoryCommands()
     commands = DutyCommands(others)
     others.submit("operator", {"kind": "start"})
-    resumption = Resumption({"running": True, "tdc_ref_m": 0.0152, "target_power_w": None})
+    resumption = Resumption(
+        {"running": True, "tdc_ref_m": 0.0152, "target_power_w": None}, rearm=True
+    )
     resumption.attend(Mode.OFF, commands, stale=0)
     assert all_of(commands) == [
         ("resume", b'{"kind": "set-point", "tdc_ref_m": 0.0152}'),
@@ -141,7 +143,7 @@ def test_a_predecessor_that_ran_the_engine_speaks_first() -> None:
 
 
 def test_a_start_is_asked_for_only_on_fresh_samples_and_until_it_is_obeyed() -> None:
-    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
+    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True}, rearm=True)
     resumption.attend(Mode.OFF, commands, stale=3)
     assert commands.idle
     for _ in range(2):
@@ -153,7 +155,7 @@ def test_a_start_is_asked_for_only_on_fresh_samples_and_until_it_is_obeyed() -> 
 
 
 def test_a_start_is_not_asked_for_for_ever() -> None:
-    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True})
+    commands, resumption = DutyCommands(MemoryCommands()), Resumption({"running": True}, rearm=True)
     asked = 0
     for _ in range(100):
         resumption.attend(Mode.OFF, commands, stale=0)
@@ -163,17 +165,23 @@ def test_a_start_is_not_asked_for_for_ever() -> None:
 
 def test_an_operators_stop_ends_the_resumption() -> None:
     others = MemoryCommands()
-    commands, resumption = DutyCommands(others), Resumption({"running": True})
+    commands, resumption = DutyCommands(others), Resumption({"running": True}, rearm=True)
     others.submit("operator", {"kind": "stop"})
     commands.poll()
     resumption.attend(Mode.OFF, commands, stale=0)
     assert commands.idle
 
 
+def test_without_rearming_a_start_is_the_operators_to_ask_for() -> None:
+    commands = DutyCommands(MemoryCommands())
+    Resumption({"running": True}, rearm=False).attend(Mode.OFF, commands, stale=0)
+    assert commands.idle
+
+
 @pytest.mark.parametrize("kept", [{}, {"running": False, "tdc_ref_m": 0.0152}, {"running": "yes"}])
 def test_a_predecessor_that_had_stopped_says_nothing(kept: dict[str, Any]) -> None:
     commands = DutyCommands(MemoryCommands())
-    Resumption(kept).attend(Mode.OFF, commands, stale=0)
+    Resumption(kept, rearm=True).attend(Mode.OFF, commands, stale=0)
     assert commands.idle
 
 

@@ -75,3 +75,17 @@ def test_every_answer_is_one_that_the_codec_takes(mode):
     sent = messages(2**32 - 1, mode, machine, 0.004, (pulse(0, 5), pulse(3, 2**30)))
     decoded = Decoder("controller").decode(Encoder().encode(sent))
     assert decoded == list(sent)
+
+
+def test_an_order_that_stands_is_the_same_message_again():
+    stands = Machine(GENERATOR, 0.0, 810.0)
+    first = messages(7, Mode.GENERATING, stands, 1.0, ())
+    again = messages(8, Mode.GENERATING, Machine(GENERATOR, 0.0, 810.0), 1.0, (), first)
+    assert again[1] is first[1]
+    for machine, throttle in (
+        (Machine(MOTOR, 0.0, 810.0), 1.0), (Machine(GENERATOR, 1.0, 810.0), 1.0),
+        (Machine(GENERATOR, 0.0, 811.0), 1.0), (stands, 0.5),
+    ):  # fmt: skip
+        changed = messages(9, Mode.GENERATING, machine, throttle, (), again)
+        assert changed == messages(9, Mode.GENERATING, machine, throttle, ())
+        assert changed[1] != again[1]

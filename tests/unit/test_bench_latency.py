@@ -6,7 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from bench.measure import cyclictest, lockstep, step_cost
+from bench.logs.replay import speed
+from bench.measure import cyclictest, step_cost
 from bench.measure.highest_rate import Trial, highest, line
 from bench.measure.latency import (
     Found,
@@ -168,6 +169,6 @@ def test_a_late_answer_does_not_pass_for_the_one_that_is_timed():
 
 
 def test_a_run_and_the_replays_of_its_logs_are_told_in_times_of_real_time():
-    found = dict(lockstep.measure(0.5, "harmonic", "cascade"))
+    found = dict(speed.measure(0.5, "harmonic", "cascade"))
     assert set(found) == {"run, both logs on", "replay of the plant", "replay of the controller"}
     assert min(found.values()) > 0.0

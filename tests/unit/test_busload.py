@@ -135,7 +135,7 @@ def test_the_monitor_says_what_became_of_each_frame():
             can.Message(arbitration_id=can_id, data=data, is_extended_id=False, **kwargs)
         )
 
-    assert shown(can_id, word) == ("PistonSample", "ok", "x_m=0.01 v_m_s=1")
+    assert shown(can_id, word) == ("PistonSample", "ok", "x_m=0.01 v_m_s=1 unheard=0")
     assert shown(can_id, word)[1] == "repeated"
     assert shown(can_id, word ^ 1 << 33)[1] == "corrupted"
     assert shown(0x123, word)[:2] == ("0x123", "not ours")

@@ -6,6 +6,7 @@ import struct
 import pytest
 
 from hil.errors import CodecError
+from hil.values import replace
 from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
 from hil.wire.e2e import ReceptionCounts, counter_marks, protect
 from hil.wire.fields import LAYOUTS, layout_of
@@ -193,3 +194,29 @@ def test_counters_of_the_messages_are_independent():
     assert encoder.counters[0x100] == 2
     assert encoder.counters[0x101] == 0
     assert set(encoder.counters) == set(LAYOUTS)
+
+
+def test_equal_messages_and_the_same_message_again_are_the_same_frames():
+    once, always = Encoder(), Encoder()
+    for _ in range(20):
+        assert once.encode([MACHINE]) == always.encode([replace(MACHINE)])
+
+
+def test_a_refused_message_is_never_taken_for_the_one_before():
+    encoder, bad = Encoder(), PistonSample(0.0, 8.1)
+    encoder.encode([SAMPLE])
+    for _ in range(2):
+        with pytest.raises(CodecError):
+            encoder.encode([bad])
+    assert encoder.encode([SAMPLE]) == frame(SAMPLE, 3)
+
+
+@pytest.mark.parametrize("sender", ["plant", "controller"])
+def test_what_was_repeated_before_a_snapshot_is_repeated_after_it(sender):
+    message = SAMPLE if sender == "plant" else MACHINE
+    decoder, later = Decoder(sender), Decoder(sender)
+    decoder.decode(frame(message, 4))
+    later.recall(decoder.remember())
+    assert later.decode(frame(message, 5)) == [message]
+    assert later.decode(frame(message, 5)) == []
+    assert later.counts() == ReceptionCounts(ok=2, repeated=1)

@@ -98,9 +98,9 @@ def test_beginning_off_gives_no_order_and_no_pulse():
     assert all(o.machine.mode == OFF and not o.pulses and not o.may_fire for o in outputs)
 
 
-@pytest.mark.parametrize("stale_ticks", [2, 10])
+@pytest.mark.parametrize("stale_ticks", [3, 11])
 def test_samples_that_stay_away_lead_to_the_safe_state(stale_ticks):
-    p = params(limits={"stale_ticks": stale_ticks})
+    p = params(limits={"stale_s": (stale_ticks - 1) * 1e-3})
     state, _ = run(p, initial_state(p), range(60))
     state, before = run(p, state, range(60, 59 + stale_ticks), lambda _: None)
     assert state.mode is Mode.GENERATING

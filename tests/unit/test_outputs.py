@@ -9,6 +9,7 @@ from bench.run import directory
 from bench.run.offline import Course
 from bench.studies import tune
 from hil.errors import ConfigError
+from hil.files import Output
 
 FILES = {
     "--out .svg": ("engine", "sweep", "--over", "load", "--out"),
@@ -91,16 +92,16 @@ def test_a_directory_that_cannot_be(refused, tmp_path, what):
 
 
 def test_a_check_leaves_no_trace(tmp_path):
-    directory.check_file("--out", tmp_path / "x.svg", ".svg")
+    Output("--out", tmp_path / "x.svg").check(".svg")
     directory.check_directory("--out", tmp_path / "new" / "deep")
     assert not (tmp_path / "new").exists()
     directory.make_directory("--out", tmp_path / "new")
     assert not list((tmp_path / "new").iterdir())
     (tmp_path / "there.svg").write_text("kept")
-    directory.check_file("--out", tmp_path / "there.svg", ".svg")
+    Output("--out", tmp_path / "there.svg", force=True).check(".svg")
     assert (tmp_path / "there.svg").read_text() == "kept"
-    with pytest.raises(ConfigError, match="Is a directory"):
-        directory.check_file("--out", tmp_path / "new")
+    with pytest.raises(ConfigError, match="directory"):
+        Output("--out", tmp_path / "new", force=True).check()
 
 
 def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled(monkeypatch):

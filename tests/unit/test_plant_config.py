@@ -33,7 +33,8 @@ def test_single_figures_replace_the_prototypes():
         {"engine": {"bore_m": 0.0}},
         {"engine": {"load": 1.0}},
         {"contact_restitution": 1.0},
-        {"stale_ticks": 0},
+        {"stale_s": 0.0},
+        {"stale_ticks": 10},
         {"spark_window_s": 0.0},
     ],
 )

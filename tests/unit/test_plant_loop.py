@@ -11,7 +11,7 @@ from hil.log import topics
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
 from hil.pacing import LockstepPacer, RealTimePacer
 from hil.wire.codec import Decoder, Encoder
-from hil.wire.messages import ControllerTick, MachineCommand, Pulse
+from hil.wire.messages import OPERATING_MODES, ControllerTick, MachineCommand, Pulse
 from plant.build import plant_params
 from plant.loop import PlantLoop
 from plant.rig.beginning import initial_state
@@ -19,7 +19,7 @@ from plant.status import raise_if_lost
 
 MS = 1_000_000
 FUEL = 2.8185e-6
-GENERATING, SAFE = 2, 4
+OFF, MOTORING, GENERATING, STOPPING, SAFE = OPERATING_MODES
 TOPICS = {topic.channel_id: topic for topic in topics.ALL}
 
 
@@ -84,8 +84,8 @@ class Clock(ports.Clock):
 class Bench:
     """A plant loop, and a controller's encoder to answer it."""
 
-    def __init__(self, realtime=False):
-        self.params = plant_params(PlantConfig(), MS)
+    def __init__(self, realtime=False, stale_s=0.010, rearm=False):
+        self.params = plant_params(PlantConfig(stale_s=stale_s), MS, rearm=rearm)
         self.clock = Clock()
         pacer = RealTimePacer(self.clock, MS) if realtime else LockstepPacer(MS, 10 * MS)
         self.link, self.log, self.encoder = Link(), Log(), Encoder()
@@ -165,20 +165,20 @@ def test_of_several_answers_in_one_tick_the_newest_pulse_of_a_channel_counts():
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_ten_ticks_without_an_answer_lead_to_the_safe_state_with_its_reason(realtime):
+def test_silence_beyond_its_time_leads_to_the_safe_state_with_its_reason(realtime):
     bench = Bench(realtime)
     bench.turn()
     bench.answer(0, 400.0, Pulse(1, 15_000, 3_000))
     bench.turn()
     assert bench.load == 400.0
-    bench.turn(9)
+    bench.turn(10)
     assert bench.load == 400.0
     assert "safe-state" not in bench.log.codes()
     bench.turn()
     assert bench.load == 810.0
     (event,) = [e for e in bench.log.of("/event") if e["code"] == "safe-state"]
-    assert (event["tick"], event["severity"]) == (11, topics.FAULT)
-    assert "no valid command for 10 ticks" in event["text"]
+    assert (event["tick"], event["severity"]) == (12, topics.FAULT)
+    assert "no valid command for 11 ms" in event["text"]
     assert all(line.pending is None for line in bench.loop.state.pulses.table.lines)
 
 
@@ -228,15 +228,83 @@ def test_in_lockstep_a_lost_controller_is_waited_for_only_once():
     assert len(waits) == 1
 
 
-def test_answers_that_return_end_the_safe_state():
-    bench = Bench()
+def silenced(**given):
+    """A plant that has gone to its safe state at tick 15, its controller generating till then."""
+    bench = Bench(**given)
     bench.turn()
     bench.answer(0)
     bench.turn(15)
-    bench.answer(14, 500.0)
+    assert bench.log.codes()[-1] == "safe-state"
+    return bench
+
+
+def test_answers_that_return_do_not_end_the_safe_state():
+    bench = silenced()
+    for tick in range(15, 200):
+        bench.answer(tick, 500.0, Pulse(1, (tick * 1000 + 5000) % 2**20, 3_000))
+        bench.turn()
+    assert bench.load == 810.0
+    assert "safe-state-left" not in bench.log.codes()
+    assert all(line.pending is None for line in bench.loop.state.pulses.table.lines)
+
+
+@pytest.mark.parametrize("rest", [OFF, STOPPING, SAFE])
+def test_a_start_of_the_controller_ends_the_safe_state(rest):
+    bench = silenced()
+    bench.answer(14, 300.0, mode=rest)
+    bench.turn()
+    assert bench.load == 810.0
+    bench.answer(15, 500.0, mode=MOTORING)
     bench.turn()
     assert bench.load == 500.0
     assert bench.log.codes()[-1] == "safe-state-left"
+
+
+def test_a_silence_after_the_rest_shuts_the_latch_again():
+    bench = silenced()
+    bench.answer(14, mode=SAFE)
+    bench.turn(20)
+    bench.answer(35, 500.0, mode=GENERATING)
+    bench.turn()
+    assert bench.load == 810.0
+
+
+def test_rearming_is_an_option_that_the_log_names():
+    bench = silenced(rearm=True)
+    bench.answer(14, 500.0)
+    bench.turn()
+    assert bench.load == 500.0
+    assert "safety.rearm" in bench.log.of("/event")[-1]["text"]
+
+
+def test_an_answer_that_has_waited_too_long_is_not_acted_on():
+    """A frozen controller answers its backlog; what it wanted then is not wanted now."""
+    bench = Bench(realtime=True)
+    bench.turn()
+    bench.answer(0)
+    bench.turn(12)
+    bench.answer(1, 500.0)
+    bench.turn()
+    assert (bench.load, bench.loop.answers.stale) == (810.0, 1)
+
+
+def unheard_after(bench):
+    return Decoder("plant").decode(bench.link.sent[-1])[1].unheard
+
+
+def test_the_sample_says_for_how_long_nothing_was_heard():
+    bench = Bench()
+    bench.turn()
+    bench.answer(0)
+    bench.turn()
+    told = []
+    for _ in range(13):
+        bench.turn()
+        told.append(unheard_after(bench))
+    assert told == [0, 2, 3, 4, 6, 7, 8, 9, 11, 12, 13, 15, 15]
+    bench.answer(14, mode=SAFE)
+    bench.turn(2)
+    assert unheard_after(bench) == 15
 
 
 def test_safe_mode_of_the_controller_forces_every_line_low():
@@ -285,7 +353,7 @@ def test_answer_whose_head_is_broken_is_not_acted_on():
 @pytest.mark.parametrize("lost", [7, 8, 9, 12, 15])
 def test_answer_after_a_long_silence_is_accepted_at_once(lost):
     """The counter has four bits: after so many lost frames it says nothing any more."""
-    bench = Bench(realtime=True)
+    bench = Bench(realtime=True, stale_s=1.0)
     bench.turn()
     bench.answer(0)
     bench.turn()

@@ -180,20 +180,23 @@ def test_piston_pressed_against_a_head_comes_to_rest_there(model, restitution):
     assert freed.x_m < 0.019
 
 
-def test_silence_leads_to_the_safe_state_and_commands_lead_out_of_it():
+def test_silence_leads_to_the_safe_state_and_a_start_leads_out_of_it():
     p = params()
     state = settled(p)
     order = MachineOrder(GENERATOR, 0.0, 400.0)
     pulse = PulseOrder(1, 15_000, 2_000)
     state, _ = step(p, state, Command(order, (pulse, PulseOrder(3, 23_000, 100))))
-    state, events = run(p, state, None, 9)
+    state, events = run(p, state, None, 10)
     assert events == []
     assert state.machine.load_coefficient_n_s_m == 400.0
     state, events = run(p, state, None, 1)
     assert [e.code for e in events] == ["safe-state"]
-    assert events[0].t_ns == 10_000_000
+    assert events[0].t_ns == 11_000_000
     assert state.machine.load_coefficient_n_s_m == 810.0
     assert all(line.open is None and line.pending is None for line in state.pulses.table.lines)
+    state, events = run(p, state, Command(order), 1)
+    assert (events, state.machine.load_coefficient_n_s_m) == ([], 810.0)
+    state, _ = run(p, state, Command(order, may_fire=False), 1)
     state, events = run(p, state, Command(order), 1)
     assert [e.code for e in events] == ["safe-state-left"]
     assert state.machine.load_coefficient_n_s_m == 400.0

@@ -1,66 +1,197 @@
-"""Samples that physics does not allow are refused, and true ones are not refused for long."""
+"""Samples that physics does not allow are refused, and true ones never."""
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.observe.plausibility import AGREE_TO_BELIEVE, CLEAR, fits, judge
+from controller.observe.estimate import Motion
+from controller.observe.plausibility import (
+    AGREE_TO_BELIEVE,
+    DISAGREES,
+    JUMPS,
+    LEAPS,
+    NAMES,
+    NONE,
+    OVERDUE,
+    POWER,
+    STANDS,
+    UNBRAKED,
+    UNHEARD_OF,
+    fault_of,
+    judge,
+)
+from controller.observe.possible import possible_of
+from controller.observe.symptoms import watch
+from hil.config.prototypes import NU
 
 MS = 1_000_000
+X, T_S = 0.0155, 0.025
+V = X * math.pi / T_S
+NAN = math.nan
 
 
-def motion(t_ns, amplitude=0.0155, hz=20.0):
-    w = 2 * math.pi * hz
-    return amplitude * math.sin(w * t_ns * 1e-9), amplitude * w * math.cos(w * t_ns * 1e-9)
+def possible(period_ns=MS):
+    return possible_of(NU, X, T_S, period_ns, 0.010, every_stroke_fires=True, force_n=110.0)
 
 
-@given(st.integers(0, 10**9), st.integers(1, 20), st.sampled_from([50_000, 200_000, MS, 4 * MS]))
-def test_the_engines_own_motion_is_believed(t_ns, gap, period_ns):
-    later = t_ns + gap * period_ns
-    assert fits(t_ns, *motion(t_ns), later, *motion(later))
+def truth(t_ns):
+    w = math.pi / T_S
+    return -X * math.cos(w * t_ns * 1e-9), X * w * math.sin(w * t_ns * 1e-9)
 
 
-@given(st.floats(-0.08, 0.08), st.floats(-8.0, 8.0))
-def test_what_is_accepted_is_near_where_the_piston_can_be(x, v):
-    if fits(0, 0.0, 1.7, MS, x, v):
-        assert abs(x - 0.5e-3 * (1.7 + v)) <= 2.0001e-3
-        assert abs(v - 1.7) <= 6.5
+class Run:
+    """A witness that sees a sine through a sensor."""
+
+    def __init__(self, period_ns=MS, active=True):
+        self.possible, self.active = possible(period_ns), active
+        self.witness, self.motion = UNHEARD_OF, Motion()
+        self.period_ns, self.t_ns = period_ns, 0
+        self.refused, self.fault_ms = [], None
+
+    def see(self, ticks, lie=lambda t_ns, x, v: (x, v)):
+        for _ in range(ticks):
+            x, v = lie(self.t_ns, *truth(self.t_ns))
+            self.witness = judge(
+                self.possible, self.witness, self.motion, self.t_ns, x, v, self.active
+            )
+            if self.witness.agreeing:
+                self.refused.append(self.t_ns // self.period_ns)
+            else:
+                self.motion = Motion(1, self.t_ns, x, v)
+            if self.fault_ms is None and fault_of(self.possible, self.witness) != NONE:
+                self.fault_ms = self.t_ns / MS
+            self.t_ns += self.period_ns
+        return self
 
 
-def test_one_wild_sample_is_refused_and_the_next_true_one_believed():
-    credence, believed = judge(CLEAR, 0, 0.0, 1.7, MS, 0.05, 1.7)
-    assert not believed
-    credence, believed = judge(credence, 0, 0.0, 1.7, 2 * MS, 0.0034, 1.69)
-    assert believed
-    assert credence == CLEAR
+@pytest.mark.parametrize("period_ns", [50_000, 100_000, 200_000, MS, 2 * MS, 5 * MS, 10 * MS])
+def test_the_engines_own_motion_is_believed_at_every_rate(period_ns):
+    assert Run(period_ns).see(500_000_000 // period_ns).refused == []
 
 
-def test_a_new_truth_is_believed_once_it_has_proved_itself():
-    credence, refused = CLEAR, 0
-    for tick in range(1, 10):
-        credence, believed = judge(credence, 0, 0.0, 0.0, tick * MS, 0.05, 0.0)
-        if believed:
-            break
-        refused += 1
-    assert refused == AGREE_TO_BELIEVE - 1
+@given(st.integers(0, 49), st.integers(1, 10))
+def test_what_comes_after_a_silence_is_believed(begin, missing):
+    run = Run().see(begin + 1)
+    run.t_ns += missing * MS
+    assert run.see(40).refused == []
 
 
-def test_wild_samples_that_contradict_each_other_are_never_believed():
-    credence = CLEAR
-    for tick in range(1, AGREE_TO_BELIEVE + 2):
-        x = 0.06 if tick % 2 else -0.06
-        credence, believed = judge(credence, 0, 0.0, 0.0, tick * MS, x, 0.0)
-        assert not believed
+LIES = {
+    "x jumps": (lambda t, x, v: (x + 0.005, v), JUMPS),
+    "x stuck": (lambda t, x, v: (0.004, v), JUMPS),
+    "v stuck": (lambda t, x, v: (x, 1.0), NONE),
+    "v nought": (lambda t, x, v: (x, 0.0), NONE),
+    "x turned": (lambda t, x, v: (-x, v), JUMPS),
+    "v turned": (lambda t, x, v: (x, -v), NONE),
+    "x drifts": (lambda t, x, v: (x + 1e-9 * (t - 200 * MS) * 0.5, v), NONE),
+    "v drifts": (lambda t, x, v: (x, v + 0.05e-6 * (t - 200 * MS)), DISAGREES),
+}
 
 
-def test_the_first_sample_has_nothing_to_fit():
-    assert judge(CLEAR, -1, 0.0, 0.0, 0, 0.07, 7.9) == (CLEAR, True)
+@pytest.mark.parametrize("lie", LIES)
+@pytest.mark.parametrize("phase", range(0, 50, 7))
+def test_a_lie_is_known_within_a_stroke(lie, phase):
+    says, _ = LIES[lie]
+    run = Run().see(200 + phase)
+    assert run.refused == []
+    run.see(40, says)
+    assert run.fault_ms is not None
+    assert run.fault_ms - 200 - phase < 25
 
 
-def test_contact_with_the_head_is_believed_in_the_next_tick():
-    """v = 2 m/s turned over within a tick: refused at most once."""
-    credence, believed = judge(CLEAR, 0, 0.0195, 2.0, MS, 0.0190, -1.5)
-    if not believed:
-        _, believed = judge(credence, 0, 0.0195, 2.0, 2 * MS, 0.0175, -1.5)
-    assert believed
+@pytest.mark.parametrize("phase", range(50))
+@pytest.mark.parametrize("ticks", [1, 2, 5])
+def test_a_short_jump_is_bridged_and_leaves_no_fault(phase, ticks):
+    run = Run().see(200 + phase)
+    run.see(ticks, lambda t, x, v: (x + 0.020, v)).see(60)
+    assert run.fault_ms is None
+    assert len(run.refused) >= ticks
+    assert run.witness.agreeing == 0
+
+
+def test_five_samples_that_agree_are_not_believed_while_the_engine_runs():
+    run = Run().see(100)
+    run.see(AGREE_TO_BELIEVE + 4, lambda t, x, v: (x + 0.010, v))
+    assert len(run.refused) == AGREE_TO_BELIEVE + 4
+
+
+def test_an_engine_that_is_off_believes_what_proves_itself():
+    run = Run(active=False).see(100)
+    run.see(20, lambda t, x, v: (0.010, 0.0))
+    assert len(run.refused) == AGREE_TO_BELIEVE - 1
+
+
+@pytest.mark.parametrize("phase", range(50))
+def test_both_sensors_at_half_their_scale_are_known_by_the_leap_or_the_jump(phase):
+    run = Run().see(200 + phase).see(12, lambda t, x, v: (0.5 * x, 0.5 * v))
+    assert run.fault_ms is not None
+
+
+def test_motoring_power_beyond_the_force_tells_of_more_speed_than_is_seen():
+    slow = moving(v_m_s=0.4, x_m=0.0)
+    assert watched(9, lambda _t: slow, power_w=-110.0 * 0.4, generates=False) is None
+    assert watched(9, lambda _t: slow, power_w=-110.0 * 0.8, generates=False) == (3, POWER)
+
+
+def test_a_leap_of_the_velocity_has_its_name():
+    run = Run().see(213).see(12, lambda t, x, v: (x, 0.0))
+    assert run.witness.doubt == LEAPS
+    assert NAMES[LEAPS] == "velocity sensor jumps"
+
+
+def moving(**changes):
+    motion = {"direction": 1, "t_ns": 100 * MS, "x_m": -X, "v_m_s": 0.0, "v_mid_m_s": V,
+              "dc_t_ns": 99 * MS, "stroke": 4}  # fmt: skip
+    return Motion(**(motion | changes))
+
+
+def watched(ticks, motion_at, power_w=NAN, generates=True, burnt=True):
+    """The first fault of so many ticks, in milliseconds from the first, and which."""
+    witness = UNHEARD_OF
+    for tick in range(ticks):
+        motion = motion_at(tick)
+        witness, fault = watch(
+            possible(), witness, motion, motion.v_m_s, power_w if tick % 2 else NAN, 810.0,
+            motion.t_ns, generates, burnt, 0,
+        )  # fmt: skip
+        if fault:
+            return tick, fault
+    return None
+
+
+def test_a_piston_that_stands_at_its_dead_centre_is_a_stuck_sensor():
+    found = watched(20, lambda tick: moving(t_ns=(100 + tick) * MS))
+    assert found == (7, STANDS)
+    assert watched(20, lambda tick: moving(t_ns=(100 + tick) * MS), generates=False) is None
+
+
+def test_power_without_speed_is_a_third_witness():
+    assert watched(9, lambda tick: moving(t_ns=(100 + tick) * MS), power_w=300.0) == (3, POWER)
+
+
+@pytest.mark.parametrize("scale", [0.05, 0.25, 1.0, 3.0, 10.0])
+def test_no_load_step_is_taken_for_a_sensor(scale):
+    for v in (0.01, 0.1, 0.5, 1.9):
+        fast = moving(v_m_s=v, x_m=0.0)
+        assert watched(5, lambda _t, m=fast: m, power_w=810.0 * v * v * scale) is None
+
+
+def test_a_machine_that_takes_up_nothing_is_told_once_the_charge_is_known_to_have_burnt():
+    fast = moving(v_m_s=1.9, x_m=0.0)
+    assert watched(9, lambda _tick: fast, power_w=0.0) == (5, UNBRAKED)
+    assert watched(9, lambda _tick: fast, power_w=0.0, burnt=False) is None
+
+
+def test_a_stroke_without_an_end_is_overdue():
+    found = watched(200, lambda tick: moving(t_ns=(100 + tick) * MS, v_m_s=1.0))
+    assert found is not None
+    assert found[1] == OVERDUE
+    assert found[0] < 110
+
+
+def test_every_fault_has_a_name():
+    faults = (JUMPS, LEAPS, DISAGREES, STANDS, POWER, OVERDUE, UNBRAKED)
+    assert sorted(faults) == list(range(1, len(NAMES)))
+    assert len(set(NAMES)) == len(NAMES)

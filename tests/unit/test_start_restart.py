@@ -5,14 +5,21 @@ from itertools import product
 import pytest
 
 from controller.mode.start_restart import RULES, Facts, Mode, Rule, next_mode
+from controller.observe.plausibility import NAMES
 from hil.values import fields_of, replace
 
 OFF, MOTORING, GENERATING, STOPPING, SAFE = Mode
 
+_ACTIVE = {MOTORING, GENERATING}
+
 ROWS = [
+    *((name, _ACTIVE, {"fault": number}, SAFE) for number, name in enumerate(NAMES) if number),
     ("sample lost", {MOTORING, GENERATING, STOPPING}, {"sample_stale": True}, SAFE),
+    ("plant does not hear", {MOTORING, GENERATING, STOPPING}, {"unheard": True}, SAFE),
     ("piston beyond its limit", {MOTORING, GENERATING}, {"beyond_limit": True}, SAFE),
     ("too many misfires", {MOTORING, GENERATING}, {"misfires_exhausted": True}, SAFE),
+    ("left cylinder does not fire", _ACTIVE, {"left_dead": True}, SAFE),
+    ("right cylinder does not fire", _ACTIVE, {"right_dead": True}, SAFE),
     ("motoring did not reach the amplitude", {MOTORING}, {"motoring_too_long": True}, SAFE),
     ("stop requested", {MOTORING, GENERATING}, {"stop_requested": True}, STOPPING),
     ("piston at rest", {STOPPING}, {"at_rest": True}, OFF),
@@ -47,9 +54,9 @@ def test_every_mode_can_be_reached_from_off():
 
 
 def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing_else():
-    names = fields_of(Facts)
+    names = [name for name in fields_of(Facts) if name not in {"fault", "left_dead", "right_dead"}]
     for values in product((False, True), repeat=len(names)):
-        facts = Facts(*values)
+        facts = Facts(**dict(zip(names, values, strict=True)))
         mode, rule = next_mode(SAFE, facts)
         if facts.start_requested and not facts.sample_stale:
             assert (mode, rule) == (MOTORING, "start requested")
@@ -60,7 +67,14 @@ def test_safe_state_is_left_by_a_start_request_with_fresh_samples_and_by_nothing
 @pytest.mark.parametrize("mode", [MOTORING, GENERATING])
 @pytest.mark.parametrize(
     "danger",
-    [{"sample_stale": True}, {"beyond_limit": True}, {"misfires_exhausted": True}],
+    [
+        {"sample_stale": True},
+        {"unheard": True},
+        {"fault": 1},
+        {"left_dead": True},
+        {"beyond_limit": True},
+        {"misfires_exhausted": True},
+    ],
     ids=lambda danger: next(iter(danger)),
 )
 def test_danger_comes_before_wishes(mode, danger):

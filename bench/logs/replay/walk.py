@@ -19,8 +19,8 @@ from hil.values import Value
 HEAD_SIZE: Final = 31
 """Bytes of an MCAP Message record before its payload: opcode, length, channel, sequence, times."""
 
-_NO_TIME: Final[tuple[int, ...]] = (0,)
 _head_of: Final = struct.Struct("<QH").unpack_from
+_stamp_of: Final = struct.Struct("<q").unpack_from
 
 
 @final
@@ -52,6 +52,7 @@ class Piece:
     """The records of one tick, or of a batch that was not acted on.
 
     timing: where its last /timing begins, -1 without one; batches: what was received
+    noted_ns: the time of the first batch received
     command, snapshot: first byte and end of those records, 0 where there is none
     """
 
@@ -64,6 +65,7 @@ class Piece:
         self.snapshot: i64 = 0
         self.snapshot_end: i64 = 0
         self.has_snapshot = self.has_command = False
+        self.noted_ns: i64 = 0
         self.batches: list[bytes] = []
 
 
@@ -110,6 +112,8 @@ def _enter(
     if kind == kinds.timing:
         piece.timing = offset
     elif kind == kinds.received:
+        if not piece.batches:
+            piece.noted_ns = _time_of(data, offset)
         piece.batches.append(data[offset + batch_at : end])
     elif kind == kinds.command:
         piece.command, piece.command_end, piece.has_command = offset, end, True
@@ -141,8 +145,9 @@ class Joiner:
         own = data[piece.start : piece.end]
         batches: tuple[bytes, ...] = tuple(piece.batches)
         if piece.timing < 0:
-            return Turn(-1, -1, 0, _NO_TIME, -1, batches, None, snapshot, own)
-        times: tuple[int, int, int, int, int, int, bool] = self._timing.unpack_from(
+            noted_ns: tuple[int, ...] = (piece.noted_ns,)
+            return Turn(-1, -1, 0, noted_ns, -1, batches, None, snapshot, own)
+        times: tuple[int, int, int, int, int, int, int] = self._timing.unpack_from(
             data, piece.timing + self._payload_at
         )
         tick, _, scheduled_ns, woke_ns, done_ns, used, missed = times
@@ -167,6 +172,14 @@ def _end_of(data: bytes, offset: i64) -> i64:
         return offset + 9 + read_i64_le(data, offset + 1)
     length: int = _head_of(data, offset + 1)[0]
     return offset + 9 + length
+
+
+def _time_of(data: bytes, offset: i64) -> i64:
+    """The log time of a record [ns]."""
+    if NATIVE:
+        return read_i64_le(data, offset + 15)
+    t_ns: int = _stamp_of(data, offset + 15)[0]
+    return t_ns
 
 
 def _channel_of(data: bytes, offset: i64) -> int:

@@ -121,6 +121,10 @@ class PistonSampleStream(Stream[PistonSample]):
             refuse(message, "v_m_s")
         raw = int(v_m_s)
         word |= (raw & 16777215) << 36
+        unheard = message.unheard
+        if not 0 <= unheard <= 15:
+            refuse(message, "unheard")
+        word |= ((unheard ^ 8) - 8) << 60
         return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
 
     def take(self, counter: i64, word: i64) -> bool:
@@ -136,7 +140,8 @@ class PistonSampleStream(Stream[PistonSample]):
         if not -8000000 <= v_m_s_raw <= 8000000:
             return True
         v_m_s = v_m_s_raw * 1e-06
-        self.message = PistonSample(x_m, v_m_s)
+        unheard = word >> 60 & 15
+        self.message = PistonSample(x_m, v_m_s, unheard)
         return True
 
 

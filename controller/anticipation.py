@@ -1,0 +1,90 @@
+"""What holds while samples are missing: dead centres by the map, pulses ordered ahead."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from mypy_extensions import i64
+
+from controller import safety
+from controller.mode.start_restart import GENERATING, Mode
+from controller.motion.fuelling import Fuelling
+from controller.motion.law import Demand
+from controller.motion.prediction import seconds_ahead, unseen_dead_centre
+from controller.observe.estimate import Motion, Observation
+from controller.state import Params, State
+from controller.supervisory import SetPoints
+from controller.timing.advance import plan_ahead
+from controller.timing.injection import plan_injection
+from controller.timing.plan import NO_PLAN, Plan
+from hil.rounding import nearest
+
+NO_CHARGES: Final = (0.0, 0.0)
+
+
+def bridged(params: Params, state: State, seen: Observation) -> Observation:
+    """Have the map tell the dead centre that no sample has shown."""
+    load, charges = braking(state.operation.mode, state.set_points, state.fuelling)
+    motion = unseen_dead_centre(params.stroke_map, state.motion, seen.motion, load, charges)
+    return seen.with_motion(motion)
+
+
+def braking(
+    mode: Mode, set_points: SetPoints, fuelling: Fuelling
+) -> tuple[float, tuple[float, float]]:
+    """Load coefficient and charges with which a stroke goes on in this mode."""
+    if mode is GENERATING:
+        return set_points.load_n_s_m, fuelling.burnt_kg
+    return 0.0, NO_CHARGES
+
+
+def _steady(params: Params, set_points: SetPoints, fuelling: Fuelling) -> Demand:
+    """The fuel that strokes have needed of late, for one of which the law cannot be asked."""
+    demand = Demand(set_points.point.fuel_kg + fuelling.beyond_kg, set_points.point.v_mid_m_s)
+    return safety.limit_fuel(params.limits, set_points.throttle, demand)
+
+
+def unasked(
+    params: Params, state: State, seen: Observation, set_points: SetPoints, fuelling: Fuelling
+) -> tuple[Fuelling, Plan]:
+    """Plan a stroke whose middle no sample has shown: as ordered ahead, or on the steady fuel."""
+    demand = _steady(params, set_points, fuelling)
+    if state.ahead.fuel_kg > 0.0:
+        return fuelling.demanding(demand.of(state.ahead.fuel_kg)), state.ahead
+    stroke_s = set_points.point.stroke_s
+    plan = plan_injection(
+        params.timings, seen.motion, seen.t_ns, params.period_ns, stroke_s, demand.fuel_kg
+    )
+    return fuelling.demanding(demand), plan
+
+
+def ordered_ahead(
+    params: Params, state: State, seen: Observation, set_points: SetPoints, fuelling: Fuelling,
+    plan: Plan, judged_t_ns: i64,
+) -> Plan:  # fmt: skip
+    """What is ordered for the dead centre ahead before the law is asked, once a charge has burnt.
+
+    Parameters: judged_t_ns : dead centre whose combustion was still to be judged before this tick
+    """
+    operation, timings = state.operation, params.timings
+    if seen.passed.dead_centre or plan.fuel_kg > 0.0 or operation.mode is not GENERATING:
+        return NO_PLAN
+    if judged_t_ns < 0 or operation.fired_t_ns >= 0:
+        return state.ahead
+    motion = seen.motion
+    if timings.spark_position_m is not None or not timings.fire(motion.stroke):
+        return NO_PLAN
+    stroke_s = set_points.point.stroke_s
+    fuel_kg = _steady(params, set_points, fuelling).fuel_kg
+    ends_ns = end_of_stroke(params, motion, set_points, fuelling)
+    return plan_ahead(timings, motion, ends_ns, params.period_ns, stroke_s, fuel_kg)
+
+
+def end_of_stroke(params: Params, motion: Motion, set_points: SetPoints, fuelling: Fuelling) -> i64:
+    """When the stroke under way will end: by the map, or as a steady one would [ns]."""
+    stroke_map = params.stroke_map
+    if stroke_map is None or not stroke_map.fits:
+        return motion.dc_t_ns + nearest(set_points.point.stroke_s * 1e9)
+    load_n_s_m = set_points.load_n_s_m
+    ahead_s = seconds_ahead(stroke_map, motion, load_n_s_m, fuelling.burnt_kg, params.period_ns)
+    return motion.t_ns + nearest(ahead_s * 1e9)
