@@ -60,8 +60,8 @@ def run_out_of_room(field: Field) -> Tally:
     lost, tries = [], field.tries(1, 4)
     for number in range(tries):
         link = ("memory", "zenoh")[number % 2]
-        long = ("--clock", "lockstep", "--set", "run.duration_s=200")
-        with Victim(field.directory / "run", link, *long, limit="ulimit -f 9000") as victim:
+        long = ("--clock", "lockstep", "--set", "run.duration_s=80")
+        with Victim(field.directory / "run", link, *long, limit="ulimit -f 8400") as victim:
             outcome = victim.outcome(240.0)
         told = len(outcome.lines) == 1 and ".mcap" in outcome.lines[0]
         sound = all(log.exists() and _is_sound(log) for log in victim.logs)
