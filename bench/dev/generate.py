@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from bench.dev import dbc, frame_source, messages_page, record_source
+from bench.dev import dbc, frame_source, messages_page, record_source, safe_state_page
 from hil import compiled
 from hil.wire import reference
 
@@ -29,6 +29,7 @@ OUTPUTS: Final[dict[str, Callable[[], str]]] = {
     "hil/wire/fpeg.dbc": dbc.dbc_text,
     "hil/log/packing.py": record_source.text,
     "docs/messages.md": messages_page.page,
+    "docs/safe-state.md": safe_state_page.page,
     "docs/commands.md": reference.text,
     "docs/reference.md": _reference,
 }

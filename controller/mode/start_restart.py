@@ -11,7 +11,7 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from controller.observe.plausibility import NAMES
+from controller.observe.plausibility import NAMES, SIGNS
 from hil.values import Value
 from hil.wire.messages import OperatingMode
 
@@ -58,17 +58,23 @@ class Facts(Value):
 
 @final
 class Rule(Value):
-    """From these modes, when this holds, go there; the log names the rule."""
+    """From these modes, when this holds, go there; the log names the rule.
 
-    __slots__ = ("name", "sources", "when", "target")
+    sign, within: what a fault is detected by, and how soon, for docs/safe-state.md
+    """
+
+    __slots__ = ("name", "sources", "when", "target", "sign", "within")
 
     def __init__(
-        self, name: str, sources: frozenset[Mode], when: Callable[[Facts], bool], target: Mode
-    ) -> None:
+        self, name: str, sources: frozenset[Mode], when: Callable[[Facts], bool], target: Mode,
+        sign: str = "", within: str = "",
+    ) -> None:  # fmt: skip
         self.name = name
         self.sources = sources
         self.when = when
         self.target = target
+        self.sign = sign
+        self.within = within
 
 
 _ACTIVE = frozenset({MOTORING, GENERATING})
@@ -80,15 +86,23 @@ def _shows(fault: i64) -> Callable[[Facts], bool]:
 
 
 RULES: tuple[Rule, ...] = (
-    *(Rule(NAMES[fault], _ACTIVE, _shows(fault), SAFE) for fault in range(1, len(NAMES))),
-    Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE),
-    Rule("plant does not hear", _MOVING, lambda f: f.unheard, SAFE),
-    Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, SAFE),
-    Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, SAFE),
-    Rule("left cylinder does not fire", _ACTIVE, lambda f: f.left_dead, SAFE),
-    Rule("right cylinder does not fire", _ACTIVE, lambda f: f.right_dead, SAFE),
+    *(Rule(NAMES[fault], _ACTIVE, _shows(fault), SAFE, *SIGNS[fault])
+      for fault in range(1, len(NAMES))),
+    Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE,
+         "no valid sample that is young enough", "controller.limits.stale_s, 10 ms"),
+    Rule("plant does not hear", _MOVING, lambda f: f.unheard, SAFE,
+         "`PistonSample.unheard` 15: the plant is in its safe state", "the plant's and two ticks"),
+    Rule("piston beyond its limit", _ACTIVE, lambda f: f.beyond_limit, SAFE,
+         "position, or a dead centre, beyond controller.limits.tdc_m", "a tick"),
+    Rule("too many misfires", _ACTIVE, lambda f: f.misfires_exhausted, SAFE,
+         "misfires in a row: controller.limits.misfires", "3 restarts"),
+    Rule("left cylinder does not fire", _ACTIVE, lambda f: f.left_dead, SAFE,
+         "misfires in a row of that side: injector, spark or valve", "3 restarts"),
+    Rule("right cylinder does not fire", _ACTIVE, lambda f: f.right_dead, SAFE,
+         "misfires in a row of that side: injector, spark or valve", "3 restarts"),
     Rule("motoring did not reach the amplitude", frozenset({MOTORING}),
-         lambda f: f.motoring_too_long, SAFE),
+         lambda f: f.motoring_too_long, SAFE,
+         "time in motoring", "controller.start.timeout_s, 5 s"),
     Rule("stop requested", _ACTIVE, lambda f: f.stop_requested, STOPPING),
     Rule("piston at rest", frozenset({STOPPING}), lambda f: f.at_rest, OFF),
     Rule("start requested", frozenset({OFF, SAFE, STOPPING}),

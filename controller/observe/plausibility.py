@@ -30,6 +30,20 @@ NAMES: Final = (
     "stroke is overdue", "machine takes up no power",
 )  # fmt: skip
 
+_REFUSED: Final = "10 ms of refused samples"
+
+SIGNS: Final = (
+    ("", ""),
+    ("position beside the integrated velocity by more than physics allows in a tick", _REFUSED),
+    ("velocity changes by more than springs, charge and machine can do, and stays so", _REFUSED),
+    ("position runs away from the integrated velocity", _REFUSED),
+    ("speed below 5 % of that at mid-stroke where the springs push", "a quarter of a stroke"),
+    ("electric power that c v^2, or in motoring F v, cannot explain", "two readings, 4 ticks"),
+    ("no dead centre", "2.5 strokes, or two of the air springs alone"),
+    ("no electric power at speed in a stroke that has fired", "three readings, 6 ticks"),
+)
+"""What each is detected by, and how soon: rows of docs/safe-state.md."""
+
 SPEED_MARGIN_M_S: Final = 0.25
 POSITION_MARGIN: Final = 0.03
 LEAST_POSITION_MARGIN: Final = 0.01

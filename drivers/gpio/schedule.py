@@ -81,14 +81,15 @@ class EdgeSchedule:
 
     def next_ns(self) -> int:
         """Return when the next edge is due, what acts by then included; NEVER for none."""
-        table = self._table
-        answers = self._answers if self._latch == latch.RELEASED else []
-        for acts_ns, mode, sent in answers:
+        table, shut = self._table, self._latch
+        for acts_ns, mode, sent in self._answers:
             if table.next_edge_ns <= acts_ns:
                 break
             if mode is not None:
                 fires, orders = pulses.may_fire(mode), pulses.orders_of(sent)
-                table, _ = pulses.follow(table, fires, orders, acts_ns)
+                shut = latch.after_answer(shut, fires)
+                if shut == latch.RELEASED:
+                    table, _ = pulses.follow(table, fires, orders, acts_ns)
         return NEVER if table.next_edge_ns == NEVER else min(table.next_edge_ns, self._low_ns)
 
 

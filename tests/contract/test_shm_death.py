@@ -43,8 +43,17 @@ def child(side, config):
     )  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def alone(monkeypatch, sockets):
+    """Shared memory that no other test has files in."""
+    monkeypatch.setenv(VARIABLE, str(sockets / "own"))
+    yield
+    for left in Path("/dev/shm").glob(f"{memory.prefix()}*"):  # what the library keeps of all nodes
+        left.unlink()
+
+
 def segments():
-    return len(list(Path("/dev/shm").glob("hil_*")))
+    return len(list(Path("/dev/shm").glob(f"{memory.prefix()}*")))
 
 
 def met_and_killed(connection, config):

@@ -137,7 +137,8 @@ CODEC = {"_encoder", "decoder"}
 PARTS = {"reception", "answers", "_age"}  # which remember by themselves
 DERIVED = {"_mode", "_machine", "_pulses", "_command", "_answer"}  # of the last orders, once more
 CONSTANT = {
-    "params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap", "_period_ns",
+    "_age", "params", "peer_timeout_s", "_status_every", "_snapshot_every", "_largest_gap",
+    "_period_ns",
 }  # fmt: skip
 
 

@@ -43,7 +43,8 @@ def folder() -> Path:
 @lru_cache
 def ours(model: str, version: int, prototype: str = "nu") -> Path:
     """Export once a session."""
-    return export(folder() / f"{model}-{prototype}-{version}.fmu", model, prototype, version).path
+    path = folder() / f"{model}-{prototype}-{version}.fmu"
+    return path if path.exists() else export(path, model, prototype, version).path
 
 
 @lru_cache

@@ -285,5 +285,5 @@ def rows_of(file: Path, columns: Sequence[str] | None = None) -> list[Row]:
     """The results as rows, with all columns or some."""
     import pyarrow.parquet as pq
 
-    rows: list[Row] = pq.read_table(file, columns=columns).to_pylist()
+    rows: list[Row] = pq.read_table(file, columns=columns and list(columns)).to_pylist()
     return rows
