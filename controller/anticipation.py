@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from mypy_extensions import i64
 
 from controller import safety
@@ -19,8 +17,6 @@ from controller.timing.injection import plan_injection
 from controller.timing.plan import NO_PLAN, Plan
 from hil.rounding import nearest
 
-NO_CHARGES: Final = (0.0, 0.0)
-
 
 def bridged(params: Params, state: State, seen: Observation) -> Observation:
     """Have the map tell the dead centre that no sample has shown."""
@@ -35,7 +31,7 @@ def braking(
     """Load coefficient and charges with which a stroke goes on in this mode."""
     if mode is GENERATING:
         return set_points.load_n_s_m, fuelling.burnt_kg
-    return 0.0, NO_CHARGES
+    return 0.0, (0.0, 0.0)
 
 
 def _steady(params: Params, set_points: SetPoints, fuelling: Fuelling) -> Demand:
