@@ -105,6 +105,11 @@ def _told_of(files: RunFiles) -> Iterator[None]:
     except OSError as error:
         where = error.filename or files.directory
         raise RunError(f"{where}: {error.strerror or error}; logs: {files.directory}") from None
+    except ConfigError as error:  # of an output file of ours: the option was right at the start
+        line = str(error)
+        if not line.startswith("--out "):
+            raise
+        raise RunError(f"{line.removeprefix('--out ')}; logs: {files.directory}") from None
 
 
 def _conclude(
