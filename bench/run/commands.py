@@ -105,6 +105,11 @@ def _told_of(files: RunFiles) -> Iterator[None]:
     except OSError as error:
         where = error.filename or files.directory
         raise RunError(f"{where}: {error.strerror or error}; logs: {files.directory}") from None
+    except ConfigError as error:  # of an output file of ours: its place was right at the start
+        _, place, why = str(error).partition(str(files.directory))
+        if not place:
+            raise
+        raise RunError(f"{place}{why}; logs: {files.directory}") from None
 
 
 def _conclude(
