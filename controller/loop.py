@@ -27,6 +27,9 @@ from hil.wire.commands import OperatorCommand, parse
 from hil.wire.messages import Message
 from hil.wire.status import ControllerStatus
 
+_COMING_UP_NS: Final = 1_000_000_000
+"""For so long at the most the first sample is later than what the scenario orders meanwhile."""
+
 _COMMAND_EVERY: Final = 10
 
 
@@ -102,6 +105,7 @@ class ControllerLoop:
                 return None
             self._pacer.start(arrival.tick)
             self.tick = arrival.tick - 1
+            self._forget_planned(arrival.tick)
         if arrival.tick < 0:
             return Arrival(self.tick + 1, arrival.batch)
         if arrival.tick > self.tick:
@@ -168,6 +172,11 @@ class ControllerLoop:
             return None
         received = self._commands.poll()
         return None if received is None else self._heard_from(tick, *received)
+
+    def _forget_planned(self, first_tick: i64) -> None:
+        """Pass over what was due long before the first sample: a predecessor has done it."""
+        due = first_tick - _COMING_UP_NS // self.params.period_ns
+        self._planned_tick = min((t for t in self._schedule if t >= due), default=NEVER)
 
     def _planned(self) -> OperatorCommand | None:
         """The scenario's next order, which may be late: the first sample can be later than it.

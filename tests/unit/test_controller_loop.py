@@ -363,3 +363,11 @@ def test_a_planned_start_waits_for_samples():
     assert bench.loop.state.mode is Mode.OFF
     bench.turn(bench.loop.tick + 1, bench.loop.tick + 2)
     assert bench.loop.state.mode is Mode.MOTORING
+
+
+def test_a_controller_that_comes_up_late_leaves_a_start_of_long_ago_alone():
+    start = OperatorCommand("start")
+    for first, mode in ((500, Mode.MOTORING), (5000, Mode.OFF)):
+        bench = Bench({100: start}, running=False)
+        bench.turn(first, first + 1)
+        assert bench.loop.state.mode is mode
