@@ -52,6 +52,7 @@ def test_a_damaged_log_is_never_taken_for_what_it_is_not(field, attack):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)  # eight runs, each killed, repaired and followed by a next one
 def test_a_killed_run_of_each_link_is_survived(field):
     tally = kills.kill(field)
     assert tally.lost == ()
