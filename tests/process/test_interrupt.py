@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 HIL = [sys.executable, "-m", "bench.cli"]
-BEGUN_S = 0.25
+BEGUN_S = 0.15
 """Processor time after which the guard against interrupts is there."""
 
 PATIENCE_S = 8.0

@@ -163,7 +163,7 @@ def test_a_killed_process_leaves_two_whole_logs_and_one_line(tmp_path, clock, ki
     assert f"; {survivor} reached its safe state; logs: {tmp_path}" in err
     for name in ("plant", "controller"):
         with hil.log.open(tmp_path / f"{name}.mcap") as log:
-            assert len(log.array("/timing")) > 100
+            assert len(log.array("/timing")) > 30  # killed as soon as both logs have begun
     assert summary_of(tmp_path)["verdict"] == "fault"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -216,8 +217,8 @@ def test_no_flood_drowns_a_stop(bench: Bench) -> None:
     assert told.returncode == 0, told.stderr
     for process in floods:
         process.communicate(timeout=WAIT_S)
-    status = bench.hil("status", "--json")
-    assert '"mode": "off"' in status.stdout or '"mode": "stopping"' in status.stdout
+    mode = json.loads(bench.hil("status", "--json").stdout)["controller"]["mode"]
+    assert mode in {"off", "stopping", "safe"}  # safe where the flood has held up the machine
     assert [process.poll() for process in bench.started[:2]] == [None, None]
 
 
