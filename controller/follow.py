@@ -63,27 +63,32 @@ def follow_in_real_time(
     loop.turn(first)
     if duty is not None:
         duty.begin(loop)
-    wait_ns, old = patience_ns, OldSamples()
+    wait_ns, old = patience_ns, OldSamples(loop.heard_tick)
     while loop.tick < last_tick and not stop.requested:
         batch = link.wait(wait_ns)
         before = loop.tick
         loop.turn(batch)
         wait_ns = patience_ns if batch is not None else period_ns
-        if old.go_on(0 <= before == loop.tick):
+        if old.go_on(loop.heard_tick, is_over=0 <= before == loop.tick):
             raise RunError(f"plant began anew after tick {loop.tick}")
         if duty is not None and loop.tick >= duty.next_tick:
             duty.attend(loop)
 
 
 class OldSamples:
-    """How long nothing but samples of ticks that are over has come."""
+    """How long nothing but samples of ticks that are over, and were heard before, has come.
 
-    def __init__(self) -> None:
+    A plant that lags sends ticks that are over, too, but never one again.
+    """
+
+    def __init__(self, newest_tick: int) -> None:
         self._since_ns = 0
+        self._newest_tick = newest_tick
 
-    def go_on(self, is_old: bool) -> bool:
+    def go_on(self, heard_tick: int, *, is_over: bool) -> bool:
         """Take note of a turn; returns whether it has gone on for too long."""
-        if not is_old:
+        if heard_tick > self._newest_tick or not is_over:
+            self._newest_tick = max(heard_tick, self._newest_tick)
             self._since_ns = 0
             return False
         now_ns = time.monotonic_ns()

@@ -55,6 +55,7 @@ class ControllerLoop:
     """One controller on one link; `turn` answers one batch.
 
     late: samples that came after their tick had been answered without them, or had waited too long
+    heard_tick: that of the newest sample, acted on or not
     oldest_ns: age from which a sample is not acted on; NEVER where time does not pass by itself
     """
 
@@ -67,6 +68,7 @@ class ControllerLoop:
         self.state = state
         self.tick: i64 = -1
         self.late: i64 = 0
+        self.heard_tick: i64 = -1
         self.peer_timeout_s = peer_timeout_s
         self.reception = Reception(params.period_ns, params.possible, all(params.timings.fires))
         self._age = SampleAge(params.period_ns, oldest_ns)
@@ -99,6 +101,8 @@ class ControllerLoop:
     def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
         arrival = self.reception.take(batch, self.tick, self.state)
+        if arrival.tick >= 0:
+            self.heard_tick = arrival.tick
         if self.tick < 0 and batch is not None:
             if arrival.tick < 0:
                 self._note("sample-refused", "first frames without a valid head", batch, woke_ns)

@@ -20,13 +20,14 @@ class TickLoop:
     params = SimpleNamespace(period_ns=PERIOD_NS)
 
     def __init__(self):
-        self.tick = -1
+        self.tick = self.heard_tick = -1
 
     def turn(self, batch):
         if batch is None:
             self.tick += 1
         else:
-            self.tick = max(self.tick, int.from_bytes(batch, "big"))
+            self.heard_tick = int.from_bytes(batch, "big")
+            self.tick = max(self.tick, self.heard_tick)
 
 
 class Samples(Link):
@@ -59,3 +60,9 @@ def test_a_burst_of_old_samples_after_a_stall_is_passed_over():
 def test_a_plant_that_began_anew_is_told():
     with pytest.raises(RunError, match="began anew after tick 5000"):
         follow(Samples([5000, *range(400)], gap_s=1e-3), 6000)
+
+
+def test_a_plant_that_lags_for_long_is_the_same_one():
+    """Its ticks are over, as those of a starved processor are, but each is a new one."""
+    ahead = [None] * 500
+    assert follow(Samples([0, *ahead, *range(1, 400), *range(400, 600)], gap_s=1e-3), 599) >= 599
