@@ -67,7 +67,7 @@ def prepare(name: str, out: Path | None, *, force: bool) -> RunFiles:
 
     Raises: ConfigError when the directory holds an earlier run or cannot be made
     """
-    directory = _fresh(name) if out is None else out
+    directory = fresh(name) if out is None else out
     files = RunFiles(directory)
     earlier = files.existing()
     if earlier and not force:
@@ -129,8 +129,8 @@ def make_directory(option: str, path: Path) -> None:
         raise ConfigError(f"{option} {path}: {error.strerror}") from None
 
 
-def _fresh(name: str) -> Path:
-    """Return a directory that does not exist yet."""
+def fresh(name: str) -> Path:
+    """Return a directory for results that does not exist yet."""
     base = Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
     directory, number = base, 2
     while directory.exists():

@@ -25,7 +25,7 @@ def run(
     if model is not None:
         changes.append(("plant.model", model))
     laws = laws_of(controllers)
-    directory = out or Path("runs") / f"compare-{scenarios.read(name, changes).name}"
+    directory = out or outdir.fresh(f"compare-{scenarios.read(name, changes).name}")
     page, listed = outdir.claim("--out", directory, ("compare.html", "table.md"), force=force)
     found = compare(name, laws, changes)
     text = table(found)

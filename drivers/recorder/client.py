@@ -93,8 +93,6 @@ class Recorder(ports.Recorder):
         self._gone = self._closing = False
         self._result: LogResult | RunError | None = None
         self._account = Account(0, None, 0, NOTHING_LOST, 0, 0, 0)
-        self._poll = select.poll()
-        self._poll.register(control, select.POLLIN | select.POLLHUP)
 
     @classmethod
     def open(
@@ -141,8 +139,10 @@ class Recorder(ports.Recorder):
 
     def _is_gone(self, wait_ms: int = 0) -> bool:
         """Whether the recorder process has ended; it writes to the socket as its last act."""
-        if not self._gone and self._poll.poll(wait_ms):
-            self._gone = True
+        if not self._gone:
+            poll = select.poll()  # one of its own: a signal may ask while a put is waiting
+            poll.register(self._control, select.POLLIN | select.POLLHUP)
+            self._gone = bool(poll.poll(wait_ms))
         return self._gone
 
     @property
@@ -193,8 +193,6 @@ class Recorder(ports.Recorder):
         _, self._control, self._process = joined(out, self._config, number + 1, self._producer)
         control.close()
         self._put, self._gone = self._producer.put, False
-        self._poll = select.poll()
-        self._poll.register(self._control, select.POLLIN | select.POLLHUP)
 
     def _note_first(self, text: str) -> None:
         """Log an event in front of what is put next, at its time."""

@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -378,3 +379,23 @@ def test_one_core_records_60_000_ticks_a_second(tmp_path):
     os.close(fd)
     print(f"{rate:.0f} ticks of 7 records per second of processor time")
     assert rate > 60_000
+
+
+def test_a_signal_while_a_put_waits_is_no_fault(tmp_path):
+    """The loss of a recorder is looked for in a signal's handler, whatever the loop is doing."""
+    recorder = Recorder.open(tmp_path / "log.mcap", {}, blocking=True, ring_bytes=1 << 16)
+    recorder.watch("end", lambda *_: None)
+    os.kill(recorder.pid, signal.SIGSTOP)
+
+    def look():
+        for _ in range(300):
+            os.kill(os.getpid(), signal.SIGIO)
+            time.sleep(1e-3)
+        os.kill(recorder.pid, signal.SIGCONT)
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    for tick in range(200):
+        recorder.put(EVENT.pack(tick, tick, 0, "code", "x" * 1000))
+    looking.join()
+    assert recorder.close().messages == 200
