@@ -23,6 +23,8 @@ _STEP_LOCKSTEP_S: Final = 200e-6
 _LATER_NS: Final = 1_900
 _SOONER_NS: Final = 100
 _LEAST_NS: Final = 8_000
+SHORT_NS: Final = 500_000
+"""A shorter period has no room for a late wake-up: nothing is saved there."""
 
 
 class WakeUp:
@@ -32,16 +34,17 @@ class WakeUp:
     is not lowers it by one; so a stall of the machine moves it no more than any late one does.
     """
 
-    __slots__ = ("_most_ns", "early_ns")
+    __slots__ = ("_least_ns", "_most_ns", "early_ns")
 
-    def __init__(self, most_ns: int) -> None:
+    def __init__(self, most_ns: int, period_ns: int = SHORT_NS) -> None:
+        self._least_ns = _LEAST_NS if period_ns >= SHORT_NS else most_ns
         self._most_ns = most_ns
         self.early_ns = most_ns
 
     def woke(self, late_ns: int) -> None:
         """Take note of how late a sleep ended [ns]."""
         early_ns = self.early_ns + (_LATER_NS if late_ns > self.early_ns else -_SOONER_NS)
-        self.early_ns = min(max(early_ns, _LEAST_NS), self._most_ns)
+        self.early_ns = min(max(early_ns, self._least_ns), self._most_ns)
 
 
 class ArrivalClock:
@@ -78,7 +81,7 @@ class ArrivalClock:
         Several times in a row the peer is in another phase than was learnt: learn it anew.
         """
         self._overslept += 1
-        again = self._overslept < _OVERSLEPT_MOST
+        again = self.period_ns >= SHORT_NS and self._overslept < _OVERSLEPT_MOST
         self.due_ns = self.due_ns + self.period_ns - _EARLIER_NS if again else 0
 
 
@@ -105,7 +108,7 @@ class RealTimePolling:
     def __init__(self, take: Take, period_ns: int) -> None:
         self._take = take
         self._arrivals = ArrivalClock(period_ns)
-        self._wake_up = WakeUp(min(_AHEAD_NS, round(_AHEAD_SHARE * period_ns)))
+        self._wake_up = WakeUp(min(_AHEAD_NS, round(_AHEAD_SHARE * period_ns)), period_ns)
 
     def wait(self, timeout_ns: int) -> bytes | None:
         """Return the next batch, or None after the timeout [ns]."""

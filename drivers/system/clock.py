@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 
-from drivers.polling import WakeUp
+from drivers.polling import SHORT_NS, WakeUp
 from hil.errors import ConfigError
 from hil.ports import Clock
 
@@ -32,7 +32,7 @@ class SystemClock(Clock):
             raise ConfigError(f"realtime.spin_s = {spin_s!r}: accepted 0 to {MAX_SPIN_S:g} s")
         spin_ns = round(spin_s * 1e9)
         most_ns = min(spin_ns, round(SPIN_SHARE * period_ns)) if period_ns else spin_ns
-        self._wake_up = WakeUp(most_ns)
+        self._wake_up = WakeUp(most_ns, period_ns or SHORT_NS)
 
     def now_ns(self) -> int:
         """Return the time on CLOCK_MONOTONIC [ns]."""
