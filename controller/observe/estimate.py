@@ -151,8 +151,12 @@ def observe(
 
 
 def _beyond_mid(before: Motion, after: Motion) -> Motion:
-    """A gap has hidden a dead centre and the middle behind it; that was x / v ago, about."""
-    mid_t_ns = after.t_ns - nearest(after.z_m / after.speed_m_s * 1e9)
+    """A gap has hidden a dead centre and the middle behind it; that was x / v ago, about.
+
+    A piston that stands still again has an x / v without end: the middle lies in the gap.
+    """
+    gap_s = float(after.t_ns - before.t_ns) * 1e-9
+    mid_t_ns = after.t_ns - nearest(min(after.z_m / after.speed_m_s, gap_s) * 1e9)
     return Motion(
         after.direction, after.t_ns, after.x_m, after.v_m_s, after.a_m_s2, after.tdc_m, after.side,
         after.dc_t_ns, before.v_mid_m_s, mid_t_ns, after.stroke, True, before.quarter_ns,

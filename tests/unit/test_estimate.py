@@ -10,9 +10,11 @@ from controller.observe.estimate import (
     Motion,
     crossing_between,
     dead_centre_between,
+    observe,
     seconds_to_dead_centre,
     update,
 )
+from hil.wire.messages import PistonSample
 
 MS = 1_000_000
 OMEGA = 2.0 * math.pi * 19.94
@@ -91,6 +93,15 @@ def test_strokes_are_counted_and_measured_through_lost_samples(lost):
     for (_, _, a), (_, _, b) in zip(whole, torn, strict=True):
         assert b.tdc_m == pytest.approx(a.tdc_m, abs=5e-5)
         assert b.v_mid_m_s == pytest.approx(a.v_mid_m_s, rel=2e-3)
+
+
+@pytest.mark.parametrize("v_m_s", [1.2e-38, 1e-6, 1.0])
+def test_a_mid_stroke_hidden_in_a_gap_lies_in_the_gap(v_m_s):
+    """However slowly the piston moves behind the gap, down to the least speed a frame can hold."""
+    motion = Motion(-1, 10 * MS, -0.0625, -1.0)
+    seen = observe(motion, 3, PistonSample(0.0625, v_m_s), 14 * MS)
+    assert seen.passed.mid_stroke
+    assert 10 * MS <= seen.motion.mid_t_ns <= 14 * MS
 
 
 def test_noise_is_not_amplified():
