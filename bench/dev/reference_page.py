@@ -7,6 +7,7 @@ from bench.dev.key_tables import Keys
 from bench.dev.markdown import table
 from bench.judge.figure_table import FIGURES
 from hil.config.scenario import Scenario
+from hil.event_codes import MEANINGS
 
 _HEAD = """\
 # Reference
@@ -24,6 +25,9 @@ fields, and `at_s`.
 """
 _EXPECTATIONS = """\
 A table `[expect.NAME]` each, with any name and one or more of these keys.
+"""
+_CODES = """\
+Codes of the topic `/event`, which an expectation may name as it names an event of the scenario.
 """
 _FIGURES = """\
 Under `figures` in `summary.json`; one without a value is null. All positions and dead centres are
@@ -44,6 +48,8 @@ def page() -> str:
         f"## Events\n\n{_EVENTS}",
         f"## Expectations\n\n{_EXPECTATIONS}",
         *keys.entries("expect"),
+        f"## Event codes\n\n{_CODES}",
+        table(("code", "meaning"), [(f"`{code}`", text) for code, text in MEANINGS.items()]),
         f"## Figures\n\n{_FIGURES}",
         table(("figure", "unit", "meaning"), figures),
     ]

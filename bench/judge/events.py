@@ -38,11 +38,19 @@ class Instant(NamedTuple):
 
 
 class Happenings(NamedTuple):
-    """Events of both logs in order of time; `counts` holds all by code, `lines` the first ones."""
+    """Events of both logs in order of time.
+
+    lines: the first ones, and all that verdicts rest on; times_ns: instants of all by code
+    """
 
     lines: tuple[Happening, ...]
-    counts: dict[str, int]
+    times_ns: dict[str, list[int]]
     left_out: int
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many there were of each code."""
+        return {code: len(times) for code, times in self.times_ns.items()}
 
     @property
     def refusals(self) -> tuple[Happening, ...]:
@@ -53,19 +61,21 @@ class Happenings(NamedTuple):
 def read_happenings(logs: dict[str, Log]) -> Happenings:
     """Gather the events of both logs."""
     lines: list[Happening] = []
-    counts: dict[str, int] = {}
+    times: dict[str, list[int]] = {}
     left_out = 0
     for source, log in logs.items():
         kept = 0
         for record in log.records("/event"):
-            counts[record.code] = counts.get(record.code, 0) + 1
+            times.setdefault(record.code, []).append(record.t_ns)
             if kept >= _MAX_KEPT and not record.code.startswith(_JUDGED):
                 left_out += 1
                 continue
             kept += 1
             severity = topics.SEVERITIES[min(record.severity, topics.FAULT)]
             lines.append(Happening(record.t_ns, source, severity, record.code, record.text))
-    return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), counts, left_out)
+    for instants_ns in times.values():
+        instants_ns.sort()
+    return Happenings(tuple(sorted(lines, key=lambda line: line.t_ns)), times, left_out)
 
 
 def instants(scenario: Resolved, happenings: Happenings) -> tuple[Instant, ...]:

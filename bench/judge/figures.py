@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from bench.judge.strokes import (
     set_points,
     whole_cycles,
 )
+from bench.judge.traces import NO_TRACES, Traces, read_traces
 from bench.run.directory import RunFiles
 from controller.build import initial_mode
 from controller.loop import LoopMemory
@@ -34,6 +35,7 @@ from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.log import Log
+from hil.values import NEVER
 from hil.wire.commands import CONTROLLER
 
 _FINAL_STROKES = 10
@@ -45,6 +47,8 @@ class RunData(NamedTuple):
     """What is kept of a run's logs.
 
     recorders: what those of plant and controller say of a log that is not whole
+    traces: the signals that expectations name; first_mode: what the controller was in before
+        the first change that it tells
     """
 
     scenario: Resolved
@@ -53,9 +57,10 @@ class RunData(NamedTuple):
     happenings: Happenings
     instants: tuple[Instant, ...]
     electric: Electric
-    mode: str
+    first_mode: str
     trace: Trace = NO_TRACE
     recorders: Mapping[str, Mapping[str, str]] = MappingProxyType({})
+    traces: Traces = NO_TRACES
 
     @property
     def strokes(self) -> Strokes:
@@ -65,11 +70,29 @@ class RunData(NamedTuple):
             return strokes
         return strokes.part(np.resize(np.array(fires), len(strokes.t_ns)))
 
+    @property
+    def mode(self) -> str:
+        """The operating mode at the end."""
+        return self.mode_at(NEVER)
+
+    def mode_at(self, t_ns: int) -> str:
+        """Return the operating mode at an instant, from the controller's reports of its changes."""
+        changes = (
+            line.code.removeprefix("mode ")
+            for line in reversed(self.happenings.lines)
+            if line.source == "controller" and line.code.startswith("mode ") and line.t_ns <= t_ns
+        )
+        return next(changes, self.first_mode)
+
     def instant_ns(self, name: str | None) -> int | None:
-        """Return when a named event acted, 0 without a name, None when it did not act."""
-        if name is None:
-            return 0
-        return next((i.t_ns for i in self.instants if i.name == name), None)
+        """Return when a named event first happened, 0 without a name, None when it did not."""
+        return 0 if name is None else next(iter(self.occurrences(name)), None)
+
+    def occurrences(self, name: str) -> Sequence[int]:
+        """Return all instants [ns] of an event of the scenario, or of a code of the logs."""
+        if name in self.scenario.events:
+            return [i.t_ns for i in self.instants if i.name == name and i.t_ns is not None]
+        return self.happenings.times_ns.get(name, [])
 
 
 def read_run(scenario: Resolved, files: RunFiles) -> RunData:
@@ -92,23 +115,20 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             happenings,
             instants(scenario, happenings),
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
-            _last_mode(scenario, happenings, controller),
+            _first_mode(scenario, controller),
             read_trace(scenario, happenings, both),
             {name: told for name, log in both.items()
              if "missing" in (told := log.metadata.get("recorder", {}))},
+            read_traces(scenario, both, truth.strokes),
         )  # fmt: skip
 
 
-def _last_mode(scenario: Resolved, happenings: Happenings, log: Log) -> str:
-    """Return the operating mode at the end, from the controller's reports of its changes."""
+def _first_mode(scenario: Resolved, log: Log) -> str:
+    """Return the operating mode that a log begins in."""
     mode = initial_mode(scenario.controller)
     if log.continues and (first := next(log.records("/snapshot"), None)) is not None:
         mode = snapshot.loads(LoopMemory, first.state).state.mode
-    last = mode.name.lower()
-    for line in happenings.lines:
-        if line.source == "controller" and line.code.startswith("mode "):
-            last = line.code.removeprefix("mode ")
-    return last
+    return mode.name.lower()
 
 
 def figures(data: RunData, wall_s: float | None) -> Figures:

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.judge.cause import Cause, cause_of
+from bench.judge.checks import judge
 from bench.judge.figures import RunData, event_figures, figures
-from bench.judge.verdict import Verdict, conclude, judge, refusals
+from bench.judge.verdict import Verdict, conclude, refusals
 from bench.run.directory import RunFiles
 from drivers.system.process import versions
 from hil.config.resolved import Resolved

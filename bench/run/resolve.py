@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.run import engine_defaults, fmu_defaults
+from bench.run.signal_names import check_expectations
 from controller.motion.choice import check_names
 from controller.supervisory import target_load
 from hil.config.check import check
@@ -39,6 +40,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
         leaves the endpoints as they are
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
+    check_expectations(scenario)
     if fmu_defaults.is_unit(scenario):
         return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
     check_names(scenario)

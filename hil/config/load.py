@@ -60,13 +60,30 @@ def build(tree: Mapping[str, Any], origin: str) -> Scenario:
 
 def load(path: Path, overrides: Iterable[tuple[str, Any]] = ()) -> Scenario:
     """Read a scenario file and apply overrides in their order."""
-    tree = read_toml(path)
+    tree = beside(read_toml(path), path)
     origin = str(path)
     for key, value in overrides:
         _refuse_new_event(tree, key)
         tree = with_override(tree, key, value)
         origin = f"{path} with --set"
     return build(tree, origin)
+
+
+def beside(tree: Tree, path: Path) -> Tree:
+    """Return the tree of a file; other files that it names by relative paths are beside it."""
+    for table, key in (("expect", "recorded"), ("events", "file")):
+        entries = tree.get(table)
+        if isinstance(entries, dict):
+            anchored = {name: _anchored(entry, key, path) for name, entry in entries.items()}
+            tree = tree | {table: anchored}
+    return tree
+
+
+def _anchored(entry: Any, key: str, path: Path) -> Any:  # noqa: ANN401
+    given = entry.get(key) if isinstance(entry, dict) else None
+    if not isinstance(given, str) or Path(given).is_absolute():
+        return entry
+    return entry | {key: str((path.parent / given).resolve())}
 
 
 def read_scenario(path: Path) -> Scenario:

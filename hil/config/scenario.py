@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from hil.config.base import OneOf, Section
+from hil.config.base import Section
 from hil.config.controller import ControllerConfig
 from hil.config.events import Event
 from hil.config.inputs import InputsConfig
@@ -20,8 +20,8 @@ from hil.config.process import (
     RunConfig,
     SafetyConfig,
 )
+from hil.config.suite.expectation import Expectation
 from hil.wire.busload import check_fit
-from hil.wire.messages import OPERATING_MODES
 
 _HAD_TICKS = (("plant",), ("controller", "limits"))
 
@@ -48,34 +48,6 @@ def _with_stale_time(tree: Any, path: tuple[str, ...], rate_hz: Any) -> Any:  # 
         return tree
     left = {name: value for name, value in tree.items() if name != "stale_ticks"}
     return left | {"stale_s": (ticks - 0.5) / rate_hz}
-
-
-ModeName = Annotated[str, OneOf((*OPERATING_MODES.values(), "running"))]
-
-
-class Expectation(Section):
-    """One thing that must hold.
-
-    event: name of an event; if that did not happen, or was refused, the expectation is not met
-    after_s: counts from the instant of that event, without one from the start
-    within_mm: the first dead centre after the last one outside this band about its set point comes
-        no later than after_s
-    peak_mm: from after_s on no dead centre is further than this from its set point
-    mode: the controller ends in it; running is generating, of an engine in which nothing ever fires
-        motoring
-    at_rest: whether the last speed is below 1 cm/s
-    contacts: there were at most so many contacts with a head
-    misfires_min: the plant reported at least so many misfires
-    """
-
-    event: str | None = None
-    after_s: float = Field(default=0.0, ge=0.0, le=86_400.0)
-    within_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    peak_mm: float | None = Field(default=None, gt=0.0, le=50.0)
-    mode: ModeName | None = None
-    at_rest: bool | None = None
-    contacts: int | None = Field(default=None, ge=0)
-    misfires_min: int | None = Field(default=None, ge=0)
 
 
 class Scenario(Section):
@@ -124,9 +96,5 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _expectations_name_events(self) -> Scenario:
         for name, expectation in self.expect.items():
-            if expectation.event is not None and expectation.event not in self.events:
-                known = ", ".join(self.events) or "none"
-                raise ValueError(
-                    f"expect.{name}.event: {expectation.event!r} is no event; known: {known}"
-                )
+            expectation.check_events(name, self.events)
         return self

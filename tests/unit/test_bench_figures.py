@@ -7,6 +7,7 @@ from bench_logs import Centre, Made, alternating, make_run
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.judge.checks import judge
 from bench.judge.figure_table import FIGURES
 from bench.judge.figures import event_figures, figures, read_run
 from bench.judge.punctuality import Histogram
@@ -14,7 +15,6 @@ from bench.judge.response import BAND_MM, settled_after_s
 from bench.judge.response import response as response_of
 from bench.judge.strokes import Strokes, set_point_at
 from bench.judge.summary import summarise, summarise_fault, write
-from bench.judge.verdict import judge
 from bench.run import commands
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")

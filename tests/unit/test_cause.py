@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from bench.judge.cause import Cause, Trace, cause_of
+from bench.judge.checks import Check
 from bench.judge.events import Happening
 from bench.judge.stalls import Stall, read_stalls
-from bench.judge.verdict import Check, conclude
+from bench.judge.verdict import conclude
 
 MS = 1_000_000
 SAFE = Happening(520 * MS, "controller", "fault", "mode safe", "GENERATING -> SAFE: sample lost")

@@ -65,7 +65,7 @@ def test_every_configuration_key_is_there_once():
 
 def test_every_kind_of_event_and_every_expectation_is_there():
     assert set(re.findall(r"^### `([a-z-]+)` \(to the", ORDERS, re.M)) == set(BY_KIND)
-    expectations = PAGE[PAGE.index("## Expectations") : PAGE.index("## Figures")]
+    expectations = PAGE[PAGE.index("## Expectations") : PAGE.index("## Event codes")]
     assert re.findall(r"^\| `(\w+)`", expectations, re.M) == list(Expectation.model_fields)
 
 

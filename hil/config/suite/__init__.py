@@ -1,0 +1,1 @@
+"""What a scenario says as a test: expectations, stimuli, cases."""
