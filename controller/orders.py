@@ -18,7 +18,7 @@ def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State,
     if command.kind == "set-point":
         set_points = supervisory.change(
             params.config, params.engine, state.set_points, command.number("tdc_ref_m"),
-            command.number("target_power_w"),
+            command.number("target_power_w"), params.bounds.limit_m,
         )  # fmt: skip
         state = replace(state, set_points=set_points)
     law = command.text("law")
@@ -29,9 +29,10 @@ def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State,
 
 def _refusal(params: Params, command: OperatorCommand) -> str:
     """Why a command cannot be taken; an empty string when it can."""
-    tdc_m, law, limit_m = command.number("tdc_ref_m"), command.text("law"), params.bounds.limit_m
-    if tdc_m is not None and params.bounds.excludes(tdc_m):
-        return f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {limit_m:g}"
+    tdc_m, law = command.number("tdc_ref_m"), command.text("law")
+    most_m = params.bounds.limit_m - params.config.supervisory.tdc_room_m
+    if tdc_m is not None and tdc_m > most_m:
+        return f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {most_m:g}"
     reason = "" if law is None else refusal(law, params.stroke_map)
     return f"{reason} (from {command.origin})" if reason else ""
 

@@ -58,6 +58,9 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     stroke = None
     if seen.passed.dead_centre:
         stroke = _report(params, state, seen.motion, set_points)
+        set_points = supervisory.approach(
+            params.config, params.engine, set_points, params.bounds.limit_m
+        )
     fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
     mode = state.operation.mode
     if plan.fuel_kg > 0.0:

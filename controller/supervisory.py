@@ -17,16 +17,20 @@ from hil.values import Value, replace
 class SetPoints(Value):
     """What the layers below are asked for.
 
-    load_target_n_s_m is where the load is slewing to; `point` belongs to tdc_ref and load.
+    tdc_target_m, load_target_n_s_m are where set point and load are moving to; `point` belongs to
+    tdc_ref and load.
     """
 
-    __slots__ = ("tdc_ref_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point")
+    __slots__ = (
+        "tdc_ref_m", "tdc_target_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point",
+    )  # fmt: skip
 
     def __init__(
-        self, tdc_ref_m: float, load_n_s_m: float, load_target_n_s_m: float, throttle: float,
-        point: OperatingPoint,
+        self, tdc_ref_m: float, tdc_target_m: float, load_n_s_m: float, load_target_n_s_m: float,
+        throttle: float, point: OperatingPoint,
     ) -> None:  # fmt: skip
         self.tdc_ref_m = tdc_ref_m
+        self.tdc_target_m = tdc_target_m
         self.load_n_s_m = load_n_s_m
         self.load_target_n_s_m = load_target_n_s_m
         self.throttle = throttle
@@ -38,7 +42,7 @@ def initial(config: ControllerConfig, engine: Prototype) -> SetPoints:
     tdc = config.tdc_ref_m or engine.tdc_ref_m
     load = target_load(config, engine, tdc, config.supervisory.target_power_w)
     point = with_preset(config, engine, tdc, load)
-    return SetPoints(tdc, load, load, config.supervisory.throttle, point)
+    return SetPoints(tdc, tdc, load, load, config.supervisory.throttle, point)
 
 
 def nominal_load(config: ControllerConfig, engine: Prototype) -> float:
@@ -93,16 +97,34 @@ def change(
     config: ControllerConfig,
     engine: Prototype,
     now: SetPoints,
-    tdc_ref_m: float | None,
+    tdc_m: float | None,
     power_w: float | None,
+    limit_m: float,
 ) -> SetPoints:
-    """Take new set points from the operator; the load slews to its new target."""
-    tdc = now.tdc_ref_m if tdc_ref_m is None else tdc_ref_m
-    target = now.load_target_n_s_m
+    """Take new set points from the operator; TDC and load move to their new targets."""
+    target_m = now.tdc_target_m if tdc_m is None else tdc_m
+    load = now.load_target_n_s_m
     if power_w is not None:
-        target = target_load(config, engine, tdc, power_w)
-    point = with_preset(config, engine, tdc, now.load_n_s_m)
-    return replace(now, tdc_ref_m=tdc, load_target_n_s_m=target, point=point)
+        load = target_load(config, engine, target_m, power_w)
+    targets = replace(now, tdc_target_m=target_m, load_target_n_s_m=load)
+    return approach(config, engine, targets, limit_m)
+
+
+def approach(
+    config: ControllerConfig, engine: Prototype, now: SetPoints, limit_m: float
+) -> SetPoints:
+    """Move the TDC set point towards its target by what one stroke allows.
+
+    That is `tdc_step_m`, and towards the head half of the room that is left: an overshoot as large
+    as the step itself stays inside the position limit `limit_m`.
+    """
+    if now.tdc_ref_m == now.tdc_target_m:
+        return now
+    step_m = config.supervisory.tdc_step_m
+    most = now.tdc_ref_m + min(step_m, max(0.5 * (limit_m - now.tdc_ref_m), 0.0))
+    tdc_m = max(min(now.tdc_target_m, most), now.tdc_ref_m - step_m)
+    point = with_preset(config, engine, tdc_m, now.load_n_s_m)
+    return replace(now, tdc_ref_m=tdc_m, point=point)
 
 
 def slew(config: ControllerConfig, engine: Prototype, now: SetPoints, dt: float) -> SetPoints:

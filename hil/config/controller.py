@@ -26,10 +26,14 @@ StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class Gains(Section):
-    """Gains of one PI loop; the integral gain acts once a stroke."""
+    """Gains of one PID loop (thesis eqs. 6.3, 6.4), which acts once a stroke.
+
+    The thesis's own loops are PI: kd is 0 unless it is given.
+    """
 
     kp: float = Field(ge=-1e3, le=1e3)
     ki: float = Field(ge=-1e3, le=1e3)
+    kd: float = Field(default=0.0, ge=-1e3, le=1e3)
 
 
 class OuterGains(Gains):
@@ -195,11 +199,18 @@ class StartConfig(Section):
 
 
 class SupervisoryConfig(Section):
-    """Set points from a target power (level 2); without a target the fixed values hold."""
+    """Set points from a target power (level 2); without a target the fixed values hold.
+
+    tdc_step_m: most by which the TDC set point moves in a stroke
+    tdc_room_m: what an operator's set point must leave to the position limit, for the scatter of
+        the strokes
+    """
 
     target_power_w: TargetPowerW | None = None
     load_coefficient_n_s_m: Load | None = None
     load_slew_n_s_m_per_s: float = Field(default=2000.0, gt=0.0, le=1e6)
+    tdc_step_m: float = Field(default=1.0e-3, gt=0.0, le=0.05)
+    tdc_room_m: float = Field(default=0.3e-3, ge=0.0, le=0.01)
     throttle: float = Field(default=1.0, gt=0.0, le=1.0)
 
 

@@ -80,9 +80,13 @@ class Stroke(Record):
     v_mid_m_s: Annotated[float, Field("float64", "speed at mid-stroke", "m/s")]
     v_ref_m_s: Annotated[float, Field("float64", "its set point, from the outer loop", "m/s")]
     fuel_kg: Annotated[float, Field("float64", "fuel for the next combustion", "kg")]
-    outer_p_m_s: Annotated[float, Field("float64", "proportional term of the outer loop", "m/s")]
+    outer_p_m_s: Annotated[
+        float, Field("float64", "proportional and derivative term of the outer loop", "m/s")
+    ]
     outer_i_m_s: Annotated[float, Field("float64", "integral term of the outer loop", "m/s")]
-    inner_p_kg: Annotated[float, Field("float64", "proportional term of the inner loop", "kg")]
+    inner_p_kg: Annotated[
+        float, Field("float64", "proportional and derivative term of the inner loop", "kg")
+    ]
     inner_i_kg: Annotated[float, Field("float64", "integral term of the inner loop", "kg")]
 
 

@@ -9,7 +9,7 @@ from controller.actuator import messages
 from controller.build import initial_state, make_params
 from controller.mode.operation import Operation
 from controller.mode.start_restart import Mode
-from controller.motion.pi import pi_step
+from controller.motion.pid import Loop, pid_step
 from controller.observe.estimate import Motion, update
 from controller.state import Inputs
 from controller.step import step
@@ -110,11 +110,13 @@ def test_estimate_stays_finite_and_between_its_samples(story):
 
 
 @ANY_MACHINE
-@given(numbers, numbers, st.lists(st.floats(-1.0, 1.0), max_size=60), st.floats(0.001, 10.0))
-def test_pi_output_is_limited_and_its_integral_is_bounded(kp, ki, errors, limit):
-    """One step past the limit, plus what the proportional part hides, is the most it can hold."""
-    integral = 0.0
+@given(
+    numbers, numbers, numbers, st.lists(st.floats(-1.0, 1.0), max_size=60), st.floats(0.001, 10.0)
+)
+def test_pid_output_is_limited_and_its_integral_is_bounded(kp, ki, kd, errors, limit):
+    """One step past the limit, plus what the other parts hide, is the most it can hold."""
+    loop = Loop()
     for e in errors:
-        integral, terms = pi_step(Gains(kp=kp, ki=ki), integral, e, -limit, limit)
+        loop, terms = pid_step(Gains(kp=kp, ki=ki, kd=kd), loop, e, -limit, limit)
         assert -limit <= terms.u <= limit
-        assert abs(integral) <= limit + 2.0 * abs(kp) + abs(ki)
+        assert abs(loop.integral) <= limit + 2.0 * abs(kp) + 4.0 * abs(kd) + abs(ki)

@@ -210,7 +210,7 @@ def test_set_point_beyond_the_limit_is_refused_and_told():
     state, outputs = run(p, initial_state(p), range(3), commands={1: command})
     assert state.set_points.tdc_ref_m == 0.0155
     assert [event for output in outputs for event in output.events] == [
-        ("command-refused", "tdc_ref_m=0.0196 from desk 2: accepted up to 0.0195")
+        ("command-refused", "tdc_ref_m=0.0196 from desk 2: accepted up to 0.0192")
     ]
 
 

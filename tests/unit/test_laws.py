@@ -1,4 +1,4 @@
-"""Piston-motion laws: a PI that does not wind up, and no bump at the operating point."""
+"""Piston-motion laws: a PID that does not wind up, and no bump at the operating point."""
 
 import math
 from operator import attrgetter
@@ -12,7 +12,7 @@ from bench.studies.compare import laws_of
 from controller.knowledge import operating_point
 from controller.motion.law import NO_TRIM, Demand, Law, View
 from controller.motion.laws import LAWS
-from controller.motion.pi import pi_step
+from controller.motion.pid import Loop, pid_step
 from controller.observe.estimate import MID_STROKE, Motion
 from hil.config.controller import ControllerConfig, Gains, OpenLoopConfig
 from hil.config.load import build
@@ -45,43 +45,44 @@ def run(name, view, strokes, state=None, config=CONFIG):
     return state, demand
 
 
-def test_pi_is_proportional_plus_what_was_summed_up_before():
+def test_pid_is_proportional_plus_what_was_summed_up_before():
     gains = Gains(kp=2.0, ki=0.5)
-    integral, terms = pi_step(gains, 0.25, 1.0, -10.0, 10.0)
-    assert (terms.u, terms.p, terms.i) == (2.25, 2.0, 0.25)
-    assert integral == 0.75
+    loop, terms = pid_step(gains, Loop(0.25), 1.0, -10.0, 10.0)
+    assert (terms.u, terms.p, terms.i, terms.d) == (2.25, 2.0, 0.25, 0.0)
+    assert loop.integral == 0.75
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("ki", [0.5, -0.5])
-def test_pi_holds_its_integral_while_the_output_is_saturated_further_out(sign, ki):
-    gains, integral = Gains(kp=2.0 * sign, ki=ki), 0.0
+def test_pid_holds_its_integral_while_the_output_is_saturated_further_out(sign, ki):
+    gains, loop = Gains(kp=2.0 * sign, ki=ki), Loop()
     for _ in range(50):
-        integral, terms = pi_step(gains, integral, 3.0, -1.0, 1.0)
+        loop, terms = pid_step(gains, loop, 3.0, -1.0, 1.0)
         assert -1.0 <= terms.u <= 1.0
-    assert abs(integral) <= 10.0
+    assert abs(loop.integral) <= 10.0
     if ki * sign > 0:
-        assert integral == 0.0
+        assert loop.integral == 0.0
 
 
-def test_pi_leaves_saturation_in_the_very_stroke_in_which_the_error_turns():
-    gains, integral = Gains(kp=1.0, ki=1.0), 0.0
+def test_pid_leaves_saturation_in_the_very_stroke_in_which_the_error_turns():
+    gains, loop = Gains(kp=1.0, ki=1.0), Loop()
     for _ in range(100):
-        integral, _ = pi_step(gains, integral, 5.0, -1.0, 1.0)
-    _, terms = pi_step(gains, integral, -0.5, -1.0, 1.0)
+        loop, _ = pid_step(gains, loop, 5.0, -1.0, 1.0)
+    _, terms = pid_step(gains, loop, -0.5, -1.0, 1.0)
     assert terms.u < 1.0
 
 
-def test_pi_may_unwind_while_it_is_saturated():
-    integral, terms = pi_step(Gains(kp=1.0, ki=1.0), 5.0, -0.5, -1.0, 1.0)
+def test_pid_may_unwind_while_it_is_saturated():
+    loop, terms = pid_step(Gains(kp=1.0, ki=1.0), Loop(5.0), -0.5, -1.0, 1.0)
     assert terms.u == 1.0
-    assert integral == 4.5
+    assert loop.integral == 4.5
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_at_the_operating_point_nothing_moves(name):
     state, demand = run(name, STEADY, 20)
-    assert state == LAWS[name](CONFIG).initial()
+    law = LAWS[name](CONFIG)
+    assert law.restarted(state) == law.initial()
     assert demand.fuel_kg == pytest.approx(POINT.fuel_kg, rel=1e-12)
 
 

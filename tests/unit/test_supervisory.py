@@ -7,6 +7,8 @@ from controller.knowledge import operating_point
 from hil.config.controller import ControllerConfig, Preset, SupervisoryConfig
 from hil.config.prototypes import NU
 
+LIMIT_M = 0.0195
+
 
 def config(preset=None, **values):
     return ControllerConfig(supervisory=SupervisoryConfig(**values), preset=preset or Preset())
@@ -55,10 +57,11 @@ def test_preset_moves_as_the_closed_form_says():
     assert point.stroke_s / 0.028 == pytest.approx(there.stroke_s / here.stroke_s)
 
 
-def test_new_tdc_acts_at_once_and_the_load_slews():
+def test_new_tdc_moves_at_once_by_what_a_stroke_allows_and_the_load_slews():
     c = config(load_slew_n_s_m_per_s=1000.0)
-    s = supervisory.change(c, NU, supervisory.initial(c, NU), 0.014, 500.0)
-    assert s.tdc_ref_m == 0.014
+    s = supervisory.change(c, NU, supervisory.initial(c, NU), 0.014, 500.0, LIMIT_M)
+    assert (s.tdc_ref_m, s.tdc_target_m) == (pytest.approx(0.0145), 0.014)
+    assert supervisory.approach(c, NU, s, LIMIT_M).tdc_ref_m == 0.014
     assert s.load_n_s_m == 810.0
     assert s.load_target_n_s_m == pytest.approx(
         supervisory.target_load(c, NU, 0.014, 500.0), rel=1e-12
@@ -68,7 +71,7 @@ def test_new_tdc_acts_at_once_and_the_load_slews():
 @pytest.mark.parametrize("power", [100.0, 1400.0])
 def test_load_moves_by_no_more_than_its_slew_and_arrives(power):
     c = config(target_power_w=600.0, load_slew_n_s_m_per_s=1000.0)
-    s = supervisory.change(c, NU, supervisory.initial(c, NU), None, power)
+    s = supervisory.change(c, NU, supervisory.initial(c, NU), None, power, LIMIT_M)
     for _ in range(2000):
         after = supervisory.slew(c, NU, s, 1e-3)
         assert abs(after.load_n_s_m - s.load_n_s_m) <= 1.0 + 1e-9
@@ -81,5 +84,7 @@ def test_load_moves_by_no_more_than_its_slew_and_arrives(power):
 def test_what_the_operator_does_not_name_stays():
     c = config(target_power_w=600.0)
     s = supervisory.initial(c, NU)
-    assert supervisory.change(c, NU, s, 0.014, None).load_target_n_s_m == s.load_target_n_s_m
-    assert supervisory.change(c, NU, s, None, 500.0).tdc_ref_m == s.tdc_ref_m
+    assert (
+        supervisory.change(c, NU, s, 0.0145, None, LIMIT_M).load_target_n_s_m == s.load_target_n_s_m
+    )
+    assert supervisory.change(c, NU, s, None, 500.0, LIMIT_M).tdc_ref_m == s.tdc_ref_m

@@ -1,27 +1,42 @@
-"""Cascade: outer PI on the last TDC, inner PI on this stroke's mid-stroke velocity.
+"""Cascade: outer PID on the last TDC, inner PID on this stroke's mid-stroke velocity.
 
-v_ref = v_0 + PI_outer(tdc_ref - tdc),  m_fuel = m_0 + PI_inner(v_ref - v_mid)
-(thesis section 6.2.2, Figs 6.4 and 6.5)
+v_ref = v_0 + PID_outer(tdc_ref - tdc),  m_fuel = m_0 + PID_inner(v_ref - v_mid)
+(thesis section 6.2.2, Figs 6.4 and 6.5, eqs. 6.3 and 6.4)
+
+TDC and speed are compared with the set points under which their strokes were ordered (`ordered`),
+and the fuel is shared between cylinders that differ (`balance`). At one set point, with equal
+cylinders, it is the thesis's law.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, final
+from typing import ClassVar, Final, final
 
+from controller.motion import balance
+from controller.motion.balance import EVEN, Balance
 from controller.motion.law import Demand, Law, View
-from controller.motion.pi import pi_step
+from controller.motion.ordered import Ordered
+from controller.motion.pid import Loop, pid_step
 from hil.values import Value
+
+_AT_REST: Final = Loop()
+_NEVER: Final = Ordered()
 
 
 @final
 class CascadeState(Value):
-    """Integrals of both loops, zero at the operating point."""
+    """Both loops, at rest at the operating point; orders under way; balance of the cylinders."""
 
-    __slots__ = ("outer_m_s", "inner_kg")
+    __slots__ = ("outer", "inner", "ordered", "balance")
 
-    def __init__(self, outer_m_s: float = 0.0, inner_kg: float = 0.0) -> None:
-        self.outer_m_s = outer_m_s
-        self.inner_kg = inner_kg
+    def __init__(
+        self, outer: Loop = _AT_REST, inner: Loop = _AT_REST, ordered: Ordered = _NEVER,
+        balance: Balance = EVEN,
+    ) -> None:  # fmt: skip
+        self.outer = outer
+        self.inner = inner
+        self.ordered = ordered
+        self.balance = balance
 
 
 @final
@@ -39,26 +54,30 @@ class Cascade(Law[CascadeState]):
 
     def step(self, state: CascadeState, view: View) -> tuple[CascadeState, Demand]:
         """Fuel for the combustion at the end of this stroke."""
-        point, motion, gains = view.point, view.motion, self.config.cascade
+        point, motion, gains, ref_m = view.point, view.motion, self.config.cascade, view.tdc_ref_m
         v_max = gains.v_correction_max_m_s
-        outer, v = pi_step(
-            gains.outer, state.outer_m_s, view.tdc_ref_m - motion.tdc_m, -v_max, v_max
-        )
-        v_ref = point.v_mid_m_s + v.u
-        inner, fuel = pi_step(
-            gains.inner, state.inner_kg, point.gain_scale * (v_ref - motion.v_mid_m_s),
+        e_m = state.ordered.for_dead_centre(ref_m) - motion.tdc_m
+        outer, v = pid_step(gains.outer, state.outer, e_m, -v_max, v_max)
+        v_ref = point.v_mid_m_s * (state.ordered.for_mid_stroke(ref_m) / ref_m) + v.u
+        inner, fuel = pid_step(
+            gains.inner, state.inner, point.gain_scale * (v_ref - motion.v_mid_m_s),
             view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
         )  # fmt: skip
-        demand = Demand(point.fuel_kg + fuel.u, v_ref, v.p, v.i, fuel.p, fuel.i)
-        return CascadeState(outer, inner), demand
+        even = balance.learnt(self.config.learning, state.balance, view, e_m)
+        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
+        demand = Demand(fuel_kg, v_ref, v.pd, v.i, fuel.pd, fuel.i)
+        return CascadeState(outer, inner, state.ordered.and_now(ref_m), even), demand
 
     def taken_over(self, view: View) -> CascadeState:
         """The integrals with which the loops ask for the speed and the fuel that are there."""
-        v_max = self.config.cascade.v_correction_max_m_s
-        outer = min(max(view.motion.v_mid_m_s - view.point.v_mid_m_s, -v_max), v_max)
+        v_max, motion = self.config.cascade.v_correction_max_m_s, view.motion
+        v = min(max(motion.v_mid_m_s - view.point.v_mid_m_s, -v_max), v_max)
         left, right = view.burnt_kg
-        return CascadeState(outer, 0.5 * (left + right) - view.point.fuel_kg)
+        return CascadeState(
+            Loop(v, view.tdc_ref_m - motion.tdc_m), Loop(0.5 * (left + right) - view.point.fuel_kg),
+            _NEVER, balance.of_burnt(self.config.learning, view),
+        )  # fmt: skip
 
     def restarted(self, state: CascadeState) -> CascadeState:
-        """All of it is kept."""
-        return state
+        """The loops and the balance are kept; no order is under way."""
+        return CascadeState(state.outer, state.inner, _NEVER, state.balance.forgetting())

@@ -1,25 +1,39 @@
-"""Single loop: one PI from the TDC of stroke j to the fuel of stroke j + 2.
+"""Single loop: one PID from the TDC of stroke j to the fuel of stroke j + 2.
 
-m_fuel = m_0 + PI(tdc_ref - tdc)     (thesis section 6.2.2, Fig 6.3 and the delay of Table 6.2)
+m_fuel = m_0 + PID(tdc_ref - tdc)     (thesis section 6.2.2, Fig 6.3, eqs. 6.3 and 6.4, and the
+delay of Table 6.2)
+
+TDC is compared with the set point under which its stroke was ordered (`ordered`), and the fuel is
+shared between cylinders that differ (`balance`).
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, final
+from typing import ClassVar, Final, final
 
+from controller.motion import balance
+from controller.motion.balance import EVEN, Balance
 from controller.motion.law import Demand, Law, View
-from controller.motion.pi import pi_step
+from controller.motion.ordered import Ordered
+from controller.motion.pid import Loop, pid_step
 from hil.values import Value
+
+_AT_REST: Final = Loop()
+_NEVER: Final = Ordered()
 
 
 @final
 class SingleLoopState(Value):
-    """Integral, zero at the operating point."""
+    """The loop, at rest at the operating point; orders under way; balance of the cylinders."""
 
-    __slots__ = ("integral_kg",)
+    __slots__ = ("loop", "ordered", "balance")
 
-    def __init__(self, integral_kg: float = 0.0) -> None:
-        self.integral_kg = integral_kg
+    def __init__(
+        self, loop: Loop = _AT_REST, ordered: Ordered = _NEVER, balance: Balance = EVEN
+    ) -> None:
+        self.loop = loop
+        self.ordered = ordered
+        self.balance = balance
 
 
 @final
@@ -35,20 +49,24 @@ class SingleLoop(Law[SingleLoopState]):
 
     def step(self, state: SingleLoopState, view: View) -> tuple[SingleLoopState, Demand]:
         """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
-        point = view.point
-        integral, fuel = pi_step(
-            self.config.single_loop.tdc, state.integral_kg,
-            point.gain_scale * (view.tdc_ref_m - view.motion.tdc_m),
+        point, motion = view.point, view.motion
+        e_m = state.ordered.for_dead_centre(view.tdc_ref_m) - motion.tdc_m
+        loop, fuel = pid_step(
+            self.config.single_loop.tdc, state.loop, point.gain_scale * e_m,
             view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
         )  # fmt: skip
-        demand = Demand(point.fuel_kg + fuel.u, inner_p_kg=fuel.p, inner_i_kg=fuel.i)
-        return SingleLoopState(integral), demand
+        even = balance.learnt(self.config.learning, state.balance, view, e_m)
+        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
+        demand = Demand(fuel_kg, inner_p_kg=fuel.pd, inner_i_kg=fuel.i)
+        return SingleLoopState(loop, state.ordered.and_now(view.tdc_ref_m), even), demand
 
     def taken_over(self, view: View) -> SingleLoopState:
         """The integral with which the loop asks for the fuel that is there."""
         left, right = view.burnt_kg
-        return SingleLoopState(0.5 * (left + right) - view.point.fuel_kg)
+        e_m = view.tdc_ref_m - view.motion.tdc_m
+        loop = Loop(0.5 * (left + right) - view.point.fuel_kg, view.point.gain_scale * e_m)
+        return SingleLoopState(loop, _NEVER, balance.of_burnt(self.config.learning, view))
 
     def restarted(self, state: SingleLoopState) -> SingleLoopState:
-        """All of it is kept."""
-        return state
+        """Loop and balance are kept; no order is under way."""
+        return SingleLoopState(state.loop, _NEVER, state.balance.forgetting())
