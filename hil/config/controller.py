@@ -180,6 +180,16 @@ class MachineLawConfig(Section):
     release_s: float = Field(default=1.0e-3, ge=0.0, le=0.1)
 
 
+class StrokeMapConfig(Section):
+    """What the model-based laws and the timing believe of a stroke (docs/control.md).
+
+    kind: which map; the bench gives the one of the plant's model. `auto` is the linear one where
+        that meets the preset's three figures, else the gas law where that does
+    """
+
+    kind: Literal["auto", "linear", "gas-law"] = "auto"
+
+
 class StartConfig(Section):
     """Starting by motoring in resonance (thesis section 6.1.3, level 1).
 
@@ -288,6 +298,7 @@ class ControllerConfig(Section):
     predictive: PredictiveConfig = PredictiveConfig()
     observer: ObserverConfig = ObserverConfig()
     machine: MachineLawConfig = MachineLawConfig()
+    stroke_map: StrokeMapConfig = StrokeMapConfig()
     learning: LearningConfig = LearningConfig()
     load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()
