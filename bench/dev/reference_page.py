@@ -8,7 +8,8 @@ from bench.dev.command_tables import command_sections
 from bench.dev.key_tables import section_table, section_tables
 from bench.dev.markdown import table
 from bench.judge.figure_table import FIGURES
-from hil.config.scenario import Expectation, Scenario
+from hil.config.scenario import Scenario
+from hil.config.suite.expectation import Expectation
 from hil.event_codes import MEANINGS
 from hil.names.signals import signals
 

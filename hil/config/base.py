@@ -19,16 +19,18 @@ Tree = dict[str, Any]
 
 LIVE: Final[dict[str, Any]] = {"live": True}
 FIXED: Final[dict[str, Any]] = {"live": False}
-"""For `json_schema_extra` of a key of which its section says otherwise; `unit` goes there too."""
+"""For `json_schema_extra` of a key of which its section says otherwise."""
 
 
 class Section(BaseModel):
     """A table of the configuration file.
 
     live: whether a running engine takes changes of its keys
+    unit: of its numbers whose name does not end with one
     """
 
     live: ClassVar[bool] = False
+    unit: ClassVar[str] = "1"
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

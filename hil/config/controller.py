@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -39,22 +39,25 @@ class Gains(Tunable):
 class OuterGains(Gains):
     """TDC error [m] to velocity reference [m/s]."""
 
-    kp: float = Field(default=39.0, ge=-1e3, le=1e3, json_schema_extra={"unit": "1/s"})
-    ki: float = Field(default=52.0, ge=-1e3, le=1e3, json_schema_extra={"unit": "1/s"})
+    unit: ClassVar[str] = "1/s"
+    kp: float = Field(default=39.0, ge=-1e3, le=1e3)
+    ki: float = Field(default=52.0, ge=-1e3, le=1e3)
 
 
 class InnerGains(Gains):
     """Velocity error [m/s] to fuel [kg]."""
 
-    kp: float = Field(default=3.12e-6, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg s/m"})
-    ki: float = Field(default=2.06e-6, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg s/m"})
+    unit: ClassVar[str] = "kg s/m"
+    kp: float = Field(default=3.12e-6, ge=-1e3, le=1e3)
+    ki: float = Field(default=2.06e-6, ge=-1e3, le=1e3)
 
 
 class TdcGains(Gains):
     """TDC error [m] to fuel [kg]."""
 
-    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg/m"})
-    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg/m"})
+    unit: ClassVar[str] = "kg/m"
+    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3)
+    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3)
 
 
 class CascadeConfig(Tunable):
@@ -236,9 +239,7 @@ class TimingConfig(Tunable):
     """
 
     spark_position_m: float | None = Field(default=None, gt=0.0, le=0.05)
-    fires: tuple[bool, ...] = Field(
-        default=(True,), min_length=1, max_length=8, json_schema_extra=FIXED
-    )
+    fires: tuple[bool, ...] = Field((True,), min_length=1, max_length=8, json_schema_extra=FIXED)
     spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
     spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)

@@ -210,10 +210,11 @@ def _leaf(
     choices = tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else told.choices
     name = "choice" if choices else _KINDS.get(get_origin(kind) or kind, "text")
     ending = _ENDING.search(key.rpartition(".")[2])
-    unit = _UNITS[ending[1]] if ending else "1" if name in ("number", "whole number") else ""
+    is_number = name in ("number", "whole number")
+    unit = _UNITS[ending[1]] if ending else section.unit if is_number else ""
     default = info.get_default(call_default_factory=True) if not info.is_required() else None
     return Parameter(
-        key, name, str(said.get("unit", unit)), told.low, told.high, told.outside, choices,
+        key, name, unit, told.low, told.high, told.outside, choices,
         told.pattern, default, _is_optional(info.annotation), info.is_required(),
         bool(said.get("live", section.live)), " ".join(meaning.split()),
     )  # fmt: skip

@@ -87,9 +87,7 @@ def test_a_name_that_is_none_tells_those_that_are_like_it():
 
 
 def test_patterns_match_whole_names_and_parts_are_found():
-    assert {p.key for p in parameters.find("*.outer.k?")} == {
-        "controller.cascade.outer.kp", "controller.cascade.outer.ki",
-    }  # fmt: skip
+    assert [p.key for p in parameters.find("*cade.out?r.kp")] == ["controller.cascade.outer.kp"]
     assert len(parameters.find("sensors.noise")) == 2
     assert len(parameters.find()) == len(parameters.parameters())
     with pytest.raises(ConfigError, match="is no parameter"):
