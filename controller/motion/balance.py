@@ -17,7 +17,7 @@ from mypy_extensions import i64
 
 from controller.knowledge import OperatingPoint
 from controller.motion.law import View
-from hil.config.controller import LearningConfig
+from hil.config.motion.laws import LearningConfig
 from hil.values import Value
 
 _CALM_M: Final = 20e-6

@@ -10,7 +10,7 @@ from controller.knowledge import OperatingPoint
 from controller.motion.maps.gas_law import GasMap
 from controller.motion.maps.linear import LinearMap
 from controller.motion.maps.stroke_map import StrokeMap
-from hil.config.controller import StrokeMapConfig
+from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import Prototype
 
 _CALIBRATED: Final = 1e-7

@@ -14,7 +14,7 @@ from mypy_extensions import i64
 
 from controller.motion.law import View
 from controller.motion.maps.stroke_map import StrokeMap
-from hil.config.controller import LearningConfig
+from hil.config.motion.laws import LearningConfig
 from hil.values import Value, replace
 
 _STEP: Final = 0.01

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, final
 
-from hil.config.controller import LoadEstimateConfig
+from hil.config.motion.laws import LoadEstimateConfig
 from hil.values import Value
 
 _WORST_SHARE: Final = 9.0

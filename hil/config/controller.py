@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from hil.config.base import FIXED, LIVE, Section, Tunable, ranged
+from hil.config.motion.laws import (
+    LearningConfig,
+    LoadEstimateConfig,
+    MachineLawConfig,
+    ObserverConfig,
+    PdfConfig,
+    PredictiveConfig,
+)
+from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, DeadTimeS, FlowKgS, StaleS, StartForceN, TdcRefM
 from hil.wire.commands import LAW, TARGET_POWER_W
@@ -83,114 +92,6 @@ class OpenLoopConfig(Tunable):
     """Fixed fuel; None takes the model's own default."""
 
     fuel_kg: FuelKg | None = None
-
-
-class LearningConfig(Tunable):
-    """How the model-based laws learn what share of the fuel acts, by cylinder.
-
-    gain: part of what a stroke shows that is believed
-    most: largest error of a charge that one stroke may show, as a share
-    load_change: change of the load within a stroke, as a share, from which it teaches nothing
-    inertia_gain: part of what a stroke's duration shows of the moving mass that is believed
-    near_m: distance from the set point within which a law that takes over learns from the fuel
-    offset_m: largest error of a predicted dead centre that is taken up
-    """
-
-    gain: float = Field(default=0.2, ge=0.0, le=1.0)
-    inertia_gain: float = Field(default=0.15, ge=0.0, le=1.0)
-    most: float = Field(default=0.2, gt=0.0, le=1.0)
-    load_change: float = Field(default=0.04, gt=0.0, le=1.0)
-    share_min: float = Field(default=0.5, gt=0.0, le=1.0)
-    share_max: float = Field(default=2.0, ge=1.0, le=5.0)
-    near_m: float = Field(default=0.3e-3, gt=0.0, le=0.01)
-    offset_m: float = Field(default=2.0e-3, ge=0.0, le=0.01)
-
-
-class LoadEstimateConfig(Tunable):
-    """The load from electric power and velocity.
-
-    slowest_m_s: below this speed the power tells nothing of the load
-    drift: standard deviation by which the scale of the load moves from one measurement to the next
-    gate: innovations beyond so many standard deviations are a load step
-    step_min: least change of the scale that counts as one
-    retrim: change of the load, as a share, that is worth another fuel
-    """
-
-    slowest_m_s: float = Field(default=0.4, gt=0.0, le=5.0)
-    power_grid_w: float = Field(default=0.6, gt=0.0, le=100.0)
-    drift: float = Field(default=3.0e-4, ge=0.0, le=0.1)
-    gate: float = Field(default=4.5, gt=0.0, le=100.0)
-    step_min: float = Field(default=5.0e-3, ge=0.0, le=1.0)
-    noise_floor_m_s: float = Field(default=1.0e-3, gt=0.0, le=1.0)
-    noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
-    retrim: float = Field(default=2.0e-3, ge=0.0, le=1.0)
-
-
-class PdfConfig(Tunable):
-    """Where the load that is fed forward comes from: measured power, or the command alone."""
-
-    load_from: Literal["power", "command"] = "power"
-
-
-class PredictiveConfig(Tunable):
-    """The load from mid-stroke velocity; all are shares of the load.
-
-    drift: standard deviation by which the load moves in a stroke
-    gate: innovations beyond so many standard deviations are a load step
-    poor_map_trust: part of an inference that is believed where the map of a stroke is a poor one
-    """
-
-    poor_map_trust: float = Field(default=0.2, gt=0.0, le=1.0)
-    drift: float = Field(default=4.0e-3, ge=0.0, le=1.0)
-    gate: float = Field(default=3.0, gt=0.0, le=100.0)
-    noise_floor: float = Field(default=1.0e-3, gt=0.0, le=1.0)
-    noise_gain: float = Field(default=0.1, ge=0.0, le=1.0)
-
-
-class ObserverConfig(Tunable):
-    """The extended state observer.
-
-    drift_n_s_m, drift_m_s: standard deviations by which load and velocity move in a tick unforeseen
-    step_min_m_s, slowest_m_s: least innovation and least speed at which one is a load step
-    charge_spread: standard deviation of a charge about what was asked for, as a share
-    load_jump: size of a load step, as a share, that an innovation beyond the gate stands for
-    """
-
-    drift_n_s_m: float = Field(default=1.0, ge=0.0, le=100.0)
-    drift_m_s: float = Field(default=3.0e-4, ge=0.0, le=1.0)
-    slowest_m_s: float = Field(default=0.4, ge=0.0, le=5.0)
-    charge_spread: float = Field(default=0.01, gt=0.0, le=1.0)
-    load_jump: float = Field(default=0.2, gt=0.0, le=1.0)
-    gate: float = Field(default=4.0, gt=0.0, le=100.0)
-    step_min_m_s: float = Field(default=3.0e-3, ge=0.0, le=1.0)
-    noise_floor_m_s: float = Field(default=1.0e-3, gt=0.0, le=1.0)
-    noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
-
-
-class MachineLawConfig(Tunable):
-    """The machine's part within a stroke.
-
-    gain: share of the predicted TDC error that one tick's order is to remove
-    least, most: limits of the load as shares of the one that the supervisory layer wants
-    begin_s: time after a dead centre before which the load is left alone
-    release_s: time before the dead centre from which the load is let go
-    """
-
-    gain: float = Field(default=0.8, gt=0.0, le=1.0)
-    least: float = Field(default=0.3, ge=0.0, le=1.0)
-    most: float = Field(default=2.0, ge=1.0, le=5.0)
-    begin_s: float = Field(default=2.0e-3, ge=0.0, le=0.1)
-    release_s: float = Field(default=1.0e-3, ge=0.0, le=0.1)
-
-
-class StrokeMapConfig(Section):
-    """What the model-based laws and the timing believe of a stroke (docs/control.md).
-
-    kind: which map; the bench gives the one of the plant's model. `auto` is the linear one where
-        that meets the preset's three figures, else the gas law where that does
-    """
-
-    kind: Literal["auto", "linear", "gas-law"] = "auto"
 
 
 class StartConfig(Tunable):

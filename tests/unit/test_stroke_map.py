@@ -8,7 +8,7 @@ from bench.studies.bound import LoadChange, stroke_end
 from controller.knowledge import OperatingPoint
 from controller.motion.calibration import calibrate
 from controller.motion.maps.gas_law import GasMap
-from hil.config.controller import StrokeMapConfig
+from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import BIT, NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc, limit_cycle

@@ -25,7 +25,8 @@ from controller.motion.charge import (
 from controller.motion.deadbeat import at_dead_centre, fuel_after
 from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
 from controller.motion.maps.stroke_map import StrokeMap
-from hil.config.controller import ControllerConfig, ObserverConfig
+from hil.config.controller import ControllerConfig
+from hil.config.motion.laws import ObserverConfig
 from hil.values import Value, replace
 
 _LEAST: Final = 0.2

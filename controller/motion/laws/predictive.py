@@ -13,7 +13,8 @@ from mypy_extensions import i64
 
 from controller.motion.charge import Learning, is_near, shares_of
 from controller.motion.law import Demand, Law, View
-from hil.config.controller import ControllerConfig, PredictiveConfig
+from hil.config.controller import ControllerConfig
+from hil.config.motion.laws import PredictiveConfig
 from hil.values import Value, replace
 
 _CALM: Final = 3

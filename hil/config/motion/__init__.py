@@ -1,0 +1,1 @@
+"""Configuration of level 3: what the model-based laws believe, learn and weigh."""
