@@ -8,7 +8,7 @@ from controller import safety
 from controller.mode.start_restart import GENERATING, Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand
-from controller.motion.prediction import seconds_ahead, unseen_dead_centre
+from controller.motion.prediction import dead_centre, seconds_ahead, unseen_dead_centre
 from controller.observe.estimate import Motion, Observation
 from controller.state import Params, State
 from controller.supervisory import SetPoints
@@ -18,10 +18,16 @@ from controller.timing.plan import NO_PLAN, Plan
 from hil.rounding import nearest
 
 
-def bridged(params: Params, state: State, seen: Observation) -> Observation:
-    """Have the map tell the dead centre that no sample has shown."""
+def turned(params: Params, state: State, seen: Observation) -> Observation:
+    """Have the map tell the dead centre that no sample has shown, or none could well enough."""
+    stroke_map = params.stroke_map
+    if seen.whole and (stroke_map is None or not stroke_map.hardens):
+        return seen
     load, charges = braking(state.operation.mode, state.set_points, state.fuelling)
-    motion = unseen_dead_centre(params.stroke_map, state.motion, seen.motion, load, charges)
+    if seen.whole and stroke_map is not None:
+        motion = dead_centre(stroke_map, state.motion, seen.motion, load, charges)
+    else:
+        motion = unseen_dead_centre(stroke_map, state.motion, seen.motion, load, charges)
     return seen.with_motion(motion)
 
 

@@ -38,7 +38,9 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     """
     engine, limits = PROTOTYPES[prototype], config.limits
     start = supervisory.initial(config, engine)
-    stroke_map = calibrate(engine, start.tdc_ref_m, start.load_n_s_m, start.point)
+    stroke_map = calibrate(
+        config.stroke_map, engine, start.tdc_ref_m, start.load_n_s_m, start.point
+    )
     check(config.name, stroke_map)
     bounds = Bounds(
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,

@@ -45,7 +45,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     """
     stop = Stop()
     stop.listen()
-    recorder = open_recorder(log, scenario, "controller")
+    recorder = open_recorder(log, scenario, "controller", live=True)
     recorder.watch(scenario.log.recorder_lost, stop.end)
     outputs = open_outputs(scenario)
     # Before the link opens: its threads inherit the priority; the recorder must not.

@@ -12,7 +12,7 @@ from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand, Law, View
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
 from controller.observe.possible import Possible
 from controller.safety import Limits

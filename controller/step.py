@@ -13,7 +13,7 @@ from mypy_extensions import i64
 
 from controller import actuator, safety, supervisory
 from controller.actuator import Machine
-from controller.anticipation import braking, bridged, end_of_stroke, ordered_ahead, unasked
+from controller.anticipation import braking, end_of_stroke, ordered_ahead, turned, unasked
 from controller.knowledge import motoring_force
 from controller.mode.combustion import has_misfired
 from controller.mode.operation import decide, is_uneventful
@@ -50,8 +50,8 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     """
     t_ns = inputs.tick * params.period_ns
     seen = observe(state.motion, state.stale, inputs.sample, t_ns, inputs.fault)
-    if seen.passed.dead_centre and not seen.whole:
-        seen = bridged(params, state, seen)
+    if seen.passed.dead_centre:
+        seen = turned(params, state, seen)
     judged = state.operation.fired_t_ns
     state, events = _operate(params, state, seen, inputs.command)
     set_points = supervisory.slew(params.config, params.engine, state.set_points, params.dt_s)

@@ -37,7 +37,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
     """
     stop = Stop()
     stop.listen()
-    recorder = open_recorder(log, scenario, "plant")
+    recorder = open_recorder(log, scenario, "plant", live=True)
     recorder.watch(scenario.log.recorder_lost, stop.end)
     # Before the link opens: its threads inherit the priority; the recorder must not.
     granted = prepare(scenario.realtime, lockstep=scenario.loop.clock == "lockstep")

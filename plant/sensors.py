@@ -37,8 +37,10 @@ def sensed(p: PlantParams, s: PlantState) -> Sensed:
 
 
 def _blur(p: PlantParams, tick: int, true: Sample) -> Sample:
-    """Add the noise of that tick, then round to the resolution."""
+    """Add the offset and the noise of that tick, then round to the resolution."""
     x, v, sensors = true.x_m, true.v_m_s, p.sensors
+    if sensors.offset_x_m or sensors.offset_v_m_s:
+        x, v = x + sensors.offset_x_m, v + sensors.offset_v_m_s
     if sensors.noise_x_m or sensors.noise_v_m_s:
         first, second = normal_pair(p.seed, SENSOR, tick)
         x, v = x + sensors.noise_x_m * first, v + sensors.noise_v_m_s * second

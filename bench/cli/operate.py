@@ -60,9 +60,38 @@ def stop(*, config: ConfigOption = None) -> None:
     raise typer.Exit(work.order("stop", config))
 
 
+PatternArgument = Annotated[
+    str, typer.Argument(metavar="[PATTERN]", help="Part of a name, or one with * and ?.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def parameters(
+    pattern: PatternArgument = "",
+    *,
+    live: Annotated[
+        bool, typer.Option("--live", help="Those that a running engine takes a change of.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """List the parameters: every key of the configuration with unit, default and range."""
+    from bench.live import names
+
+    raise typer.Exit(names.show_parameters(pattern, live=live, as_json=as_json))
+
+
+def signals(pattern: PatternArgument = "", *, as_json: JsonOption = False) -> None:
+    """List the signals: every field of a logged topic with unit and rate."""
+    from bench.live import names
+
+    raise typer.Exit(names.show_signals(pattern, as_json=as_json))
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     app.command()(status)
     app.command("set")(set_points)
     app.command()(start)
     app.command()(stop)
+    app.command()(parameters)
+    app.command()(signals)

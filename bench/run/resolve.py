@@ -29,6 +29,9 @@ _OF_THE_ENGINE = {
 }
 """By section and key which figure of the engine a run has unless it is given."""
 
+_MAP_OF_MODEL = {"harmonic": "linear", "rectangular": "linear", "nonlinear": "gas-law"}
+"""By the plant's model which stroke map the laws are given unless one is named."""
+
 # The non-linear model is integrated for every fuel that is tried.
 _fuel_for_tdc = lru_cache(maxsize=8)(fuel_for_tdc)
 
@@ -85,6 +88,8 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
         tree["limits"]["tdc_m"] = prototype.position_limit_m
     if "fuel_max_kg" not in given.limits.model_fields_set:
         tree["limits"]["fuel_max_kg"] = prototype.fuel_max_kg
+    if given.stroke_map.kind == "auto":
+        tree["stroke_map"]["kind"] = _MAP_OF_MODEL.get(scenario.plant.model, "auto")
     engine = constants_of(prototype, scenario.plant.model)
     load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
     if given.open_loop.fuel_kg is None:

@@ -41,8 +41,8 @@ def run(scenario: Resolved, plant_log: Path | None, controller_log: Path | None)
     stop.listen()
     plant_end, controller_end = open_memory()
     recorders = (
-        open_recorder(plant_log, scenario, "plant"),
-        open_recorder(controller_log, scenario, "controller"),
+        open_recorder(plant_log, scenario, "plant", live=True),
+        open_recorder(controller_log, scenario, "controller", live=True),
     )
     _watch(recorders, scenario, stop)
     try:

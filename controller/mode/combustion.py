@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from controller.motion.maps.stroke_map import StrokeMap
 from controller.motion.prediction import speeds
-from controller.motion.stroke_map import StrokeMap
 from controller.observe.estimate import Motion
 from controller.supervisory import SetPoints
 

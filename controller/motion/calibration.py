@@ -3,59 +3,118 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 from controller.knowledge import OperatingPoint
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.gas_law import GasMap
+from controller.motion.maps.linear import LinearMap
+from controller.motion.maps.stroke_map import StrokeMap
+from hil.config.controller import StrokeMapConfig
 from hil.config.prototypes import Prototype
-from hil.values import replace
 
 _CALIBRATED: Final = 1e-7
 _NUDGE: Final = 1e-5
 _SHAPES: Final = (-0.5, 1.5)
+_SAME_SPEED: Final = 2e-3
+"""Of the mid-stroke speed: closer to that of the gas law an engine is taken to follow it."""
+
+Unknowns = list[float]
+Maker = Callable[[Unknowns], StrokeMap]
 
 
 def calibrate(
+    config: StrokeMapConfig, engine: Prototype, tdc_m: float, load_n_s_m: float,
+    point: OperatingPoint,
+) -> StrokeMap | None:  # fmt: skip
+    """A map of the kind that is asked for such that the steady state is the given one.
+
+    `auto` takes the linear map where one meets all three figures of the steady state, else the gas
+    law where that does.
+
+    Parameters: tdc_m : of the steady state
+    Returns: None when the figures are no steady state of such an engine
+    """
+    if point.fuel_kg <= 0.0 or load_n_s_m <= 0.0:
+        return None
+    if config.kind == "gas-law":
+        return gas_law(engine, tdc_m, load_n_s_m, point)
+    found = linear(engine, tdc_m, load_n_s_m, point)
+    if config.kind == "auto" and (found is None or not found.fits):
+        gas = gas_law(engine, tdc_m, load_n_s_m, point)
+        if gas is not None and abs(gas.speed - 1.0) < _SAME_SPEED:
+            return gas
+    return found
+
+
+def gas_law(
     engine: Prototype, tdc_m: float, load_n_s_m: float, point: OperatingPoint
-) -> StrokeMap | None:
-    """Shape, stiffness and force such that the steady state is the given one.
+) -> GasMap | None:
+    """The gas law whose pressures meet TDC and duration; what it lacks in speed is kept as ratio.
+
+    Two unknowns, ln pressure and ln energy, both nought where the engine has the prototype's own.
+    """
+
+    def make(u: Unknowns) -> GasMap:
+        size, gamma = engine.half_stroke_m, engine.gamma
+        return GasMap(
+            engine.moving_mass_kg,
+            math.exp(u[0]) * engine.p0_pa * engine.area_m2 * size**gamma,
+            math.exp(u[1]) * engine.energy_j_kg * size ** (gamma - 1.0),
+            gamma, size, point.stroke_s,
+        )  # fmt: skip
+
+    u = _newton(make, [0.0, 0.0], tdc_m, load_n_s_m, point)
+    if u is None:
+        return None
+    found = make(u)
+    v_mid, _ = found.pass_mid(point.fuel_kg, load_n_s_m, tdc_m)
+    found.speed = point.v_mid_m_s / v_mid
+    return found
+
+
+def linear(
+    engine: Prototype, tdc_m: float, load_n_s_m: float, point: OperatingPoint
+) -> LinearMap | None:
+    """Shape, stiffness and force of a linear engine.
 
     Three unknowns (h, ln force, ln stiffness) from three figures (TDC, stroke, mid-stroke speed)
     by Newton's rule; of several solutions the one nearest to the prototype's figures. An engine
     of another kind has none: then h is 1 and mid-stroke speed is left out.
-
-    Returns: None when the figures are no steady state of anything like this engine
     """
-    if point.fuel_kg <= 0.0 or load_n_s_m <= 0.0:
-        return None
+
+    def make(u: Unknowns) -> LinearMap:
+        return _linear_of(engine, u, point)
+
     found = []
     for shape in (1.0, 0.0):
-        u = _newton(engine, [0.0, 0.0, shape], tdc_m, load_n_s_m, point)
+        u = _newton(make, [0.0, 0.0, shape], tdc_m, load_n_s_m, point)
         if u is not None and _SHAPES[0] <= u[2] <= _SHAPES[1]:
             found.append(u)
-    if not found:
-        u = _newton(engine, [0.0, 0.0], tdc_m, load_n_s_m, point)
-        if u is None:
-            return None
-        believed = _map_of(engine, u, point)
-        v_mid, _ = believed.pass_mid(point.fuel_kg, load_n_s_m, tdc_m)
-        return replace(believed, fits=False, speed=point.v_mid_m_s / v_mid)
-    return _map_of(engine, min(found, key=lambda u: u[0] ** 2 + u[1] ** 2), point)
+    if found:
+        return make(min(found, key=lambda u: u[0] ** 2 + u[1] ** 2))
+    u = _newton(make, [0.0, 0.0], tdc_m, load_n_s_m, point)
+    if u is None:
+        return None
+    believed = make(u)
+    v_mid, _ = believed.pass_mid(point.fuel_kg, load_n_s_m, tdc_m)
+    believed.fits, believed.speed = False, point.v_mid_m_s / v_mid
+    return believed
 
 
 def _newton(
-    engine: Prototype, u: list[float], tdc_m: float, load: float, point: OperatingPoint
-) -> list[float] | None:
-    """Solve as many of the misfits as there are unknowns (ln force, ln stiffness, perhaps h)."""
+    make: Maker, u: Unknowns, tdc_m: float, load: float, point: OperatingPoint
+) -> Unknowns | None:
+    """Solve as many of the misfits as there are unknowns."""
     size = len(u)
     for _ in range(20):
-        e = _misfit(engine, u, tdc_m, load, point)[:size]
+        e = _misfit(make(u), tdc_m, load, point)[:size]
         if max(map(abs, e)) < _CALIBRATED:
             return u
         columns = []
         for i in range(size):
             moved = [x + _NUDGE * (i == j) for j, x in enumerate(u)]
-            other = _misfit(engine, moved, tdc_m, load, point)[:size]
+            other = _misfit(make(moved), tdc_m, load, point)[:size]
             columns.append([(b - a) / _NUDGE for a, b in zip(e, other, strict=True)])
         step = _solved(columns, e)
         if step is None:
@@ -64,11 +123,11 @@ def _newton(
     return None
 
 
-def _map_of(engine: Prototype, u: list[float], point: OperatingPoint) -> StrokeMap:
+def _linear_of(engine: Prototype, u: Unknowns, point: OperatingPoint) -> LinearMap:
     """The map of (ln force, ln stiffness, h); h is 1 when it is not among the unknowns."""
     size = engine.half_stroke_m
     force, stiff = math.exp(u[0]), math.exp(u[1])
-    return StrokeMap(
+    return LinearMap(
         engine.moving_mass_kg,
         stiff * engine.rest_stiffness_n_m,
         stiff * engine.gamma * engine.energy_j_kg / (size * size),
@@ -78,11 +137,8 @@ def _map_of(engine: Prototype, u: list[float], point: OperatingPoint) -> StrokeM
     )
 
 
-def _misfit(
-    engine: Prototype, u: list[float], tdc_m: float, load: float, point: OperatingPoint
-) -> list[float]:
+def _misfit(believed: StrokeMap, tdc_m: float, load: float, point: OperatingPoint) -> list[float]:
     """How far a stroke from the steady TDC is from ending there, in time, at the right speed."""
-    believed = _map_of(engine, u, point)
     end, stroke_s = believed.travel(point.fuel_kg, load, -tdc_m, 0.0, 0.0)
     v_mid, _ = believed.pass_mid(point.fuel_kg, load, tdc_m)
     return [end / tdc_m - 1.0, stroke_s / point.stroke_s - 1.0, v_mid / point.v_mid_m_s - 1.0]

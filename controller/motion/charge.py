@@ -13,7 +13,7 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from controller.motion.law import View
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.stroke_map import StrokeMap
 from hil.config.controller import LearningConfig
 from hil.values import Value, replace
 

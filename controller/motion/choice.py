@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.motion.laws import LAWS
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.stroke_map import StrokeMap
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 

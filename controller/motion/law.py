@@ -13,7 +13,7 @@ from typing import ClassVar, Final, Generic, TypeVar, final
 from mypy_extensions import i64, mypyc_attr
 
 from controller.knowledge import OperatingPoint
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
 from hil.config.controller import ControllerConfig
 from hil.values import Value

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from drivers.recorder import ring, succession
+from drivers.recorder import ring, succession, tap
 from drivers.recorder.account import NOTHING_LOST, Account
 from drivers.recorder.output import open_output
 from drivers.recorder.start import describe, joined
@@ -82,9 +82,11 @@ class Recorder(ports.Recorder):
         *,
         blocking: bool,
         config: Mapping[str, Any] = MappingProxyType({}),
+        live: socket.socket | None = None,
     ) -> None:
         self._path = path
         self._config = config
+        self._live = live
         self._producer = producer
         self._put = producer.put
         self._control = control
@@ -106,10 +108,12 @@ class Recorder(ports.Recorder):
         ring_bytes: int = RING_BYTES,
         rotation: Rotation | None = None,
         deferred: bool = False,
+        live: socket.socket | None = None,
     ) -> Recorder:
         """Start the recorder process for a new log; an existing one is overwritten.
 
-        Parameters: deferred : nothing is written before the end, or before the ring fills up
+        Parameters: deferred : nothing is written before the end, or before the ring fills up;
+            live : where others may look on, see tap.py; closed with the recorder
 
         Raises: ConfigError when the file cannot be written or another recorder still writes it
         """
@@ -122,7 +126,8 @@ class Recorder(ports.Recorder):
             "metadata": {name: dict(values) for name, values in metadata.items()},
             "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
         }
-        return cls(path, *joined(open_output(path), config), blocking=blocking, config=config)
+        parts = joined(open_output(path), config, live=live)
+        return cls(path, *parts, blocking=blocking, config=config, live=live)
 
     def put(self, data: bytes, /) -> None:
         """Take the packed records of one tick as a whole."""
@@ -190,7 +195,9 @@ class Recorder(ports.Recorder):
         number = succession.set_aside(self._path)
         out = open_output(self._path, forget=False)
         control = self._control
-        _, self._control, self._process = joined(out, self._config, number + 1, self._producer)
+        _, self._control, self._process = joined(
+            out, self._config, number + 1, self._producer, self._live
+        )
         control.close()
         self._put, self._gone = self._producer.put, False
 
@@ -213,6 +220,8 @@ class Recorder(ports.Recorder):
         """
         self._closing = True
         if self._result is None:
+            if self._live is not None:
+                tap.remove(self._live)
             self._producer.close()
             patience_s = 10.0 + self.waiting / _DRAIN_BYTES_A_S
             try:

@@ -22,6 +22,7 @@ from drivers.recorder.account import NOTHING_LOST, Account, loss_text
 from drivers.recorder.index import MessageIndex, index_messages
 from drivers.recorder.ring import Consumer, Loss
 from drivers.recorder.segments import Segments
+from drivers.recorder.tap import Door
 from drivers.recorder.unit import take_over
 from hil.log.topics import EVENT, FAULT, WARNING
 
@@ -113,12 +114,27 @@ class Sink:
             self._file.add_last(EVENT.pack(*self._last, FAULT, "log-ended", text))
 
 
-def _drain(
-    ring: Consumer, control: socket.socket, sink: Sink, chunk_bytes: int, *, deferred: bool
-) -> None:
+class _Calls:
+    """What this process listens to besides its ring: its writer's end, and readers at the door."""
+
+    def __init__(self, control: socket.socket, door: Door | None) -> None:
+        self._control = control
+        self._door = door
+        self._poll = select.poll()
+        self._poll.register(control, select.POLLIN | select.POLLHUP)
+        if door is not None:
+            self._poll.register(door, select.POLLIN)
+
+    def have_ended(self, wait_ms: int) -> bool:
+        """Wait for a call and take it; returns whether the writer has ended."""
+        calls = [descriptor for descriptor, _ in self._poll.poll(wait_ms)]
+        if self._door is not None and self._door.fileno() in calls:
+            self._door.answer()
+        return self._control.fileno() in calls and not self._control.recv(64)
+
+
+def _drain(ring: Consumer, calls: _Calls, sink: Sink, chunk_bytes: int, *, deferred: bool) -> None:
     """Move bytes from the ring to the sink until the other end of the control socket closes."""
-    poll = select.poll()
-    poll.register(control, select.POLLIN | select.POLLHUP)
     ended = False
     while True:
         rests = deferred and not ended and ring.waiting < _DEFERRED_FILL * ring.capacity
@@ -127,13 +143,10 @@ def _drain(
         ring.note_written(sink.pending)
         if ring.dropped_before:
             sink.note(ring.loss)
-        if len(data) == chunk_bytes:
-            continue  # there is more: no wait
-        if ended:
-            if not data:
-                return
-            continue
-        ended = bool(poll.poll(_POLL_MS)) and not control.recv(64)
+        if not ended:  # of a full chunk there is more: no wait
+            ended = calls.have_ended(0 if len(data) == chunk_bytes else _POLL_MS)
+        elif not data:
+            return
 
 
 def _record(
@@ -141,7 +154,8 @@ def _record(
 ) -> Account:
     """Fill and finish the file; return how it went."""
     sink = Sink(file, config["chunk_bytes"])
-    _drain(ring, control, sink, config["chunk_bytes"], deferred=config.get("deferred", False))
+    calls = _Calls(control, _door(config))
+    _drain(ring, calls, sink, config["chunk_bytes"], deferred=config.get("deferred", False))
     sink.flush()
     sink.note(ring.loss)
     account = Account(
@@ -152,6 +166,13 @@ def _record(
         file.add_metadata("recorder", {"end": end} | account.metadata())
     file.finish()
     return account._replace(messages=file.messages)
+
+
+def _door(config: dict[str, Any]) -> Door | None:
+    """Return where readers of the ring are let in, None where nobody can come."""
+    if config.get("live") is None:
+        return None
+    return Door(socket.socket(fileno=config["live"]), config["ring"], config)
 
 
 def run(config: dict[str, Any]) -> None:

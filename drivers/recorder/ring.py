@@ -1,4 +1,4 @@
-"""A byte ring in shared memory between one producing and one consuming process.
+"""A byte ring in shared memory between one producing and one consuming process, and who looks on.
 
 The memory is an anonymous file (memfd) that both sides map; whoever holds its descriptor may
 join, and it vanishes with the last holder. The first page holds counters, the rest the bytes.
@@ -44,10 +44,10 @@ def create(capacity: int) -> int:
     return fd
 
 
-def _map(fd: int) -> tuple[memoryview, memoryview]:
+def _map(fd: int, prot: int = mmap.PROT_READ | mmap.PROT_WRITE) -> tuple[memoryview, memoryview]:
     """Return the counters and the bytes of a ring, with every page already present."""
     flags = mmap.MAP_SHARED | mmap.MAP_POPULATE
-    shared = memoryview(mmap.mmap(fd, os.fstat(fd).st_size, flags=flags))
+    shared = memoryview(mmap.mmap(fd, os.fstat(fd).st_size, flags=flags, prot=prot))
     return shared[:PAGE].cast("Q"), shared[PAGE:]
 
 
@@ -189,6 +189,50 @@ class Consumer:
         counters = self._counters
         return Loss(counters[_DROPPED], counters[_DROPPED_BYTES], counters[_DROPPED_FROM],
                     counters[_DROPPED_TO])  # fmt: skip
+
+    @property
+    def closed(self) -> bool:
+        """Whether the producer ended on purpose."""
+        return bool(self._counters[_CLOSED])
+
+
+class Observer:
+    """A further reading end that leaves no trace in the ring: nobody waits for it.
+
+    What it sees stays in the ring until the producer has gone round once, whoever has consumed it.
+    A reader that falls back by half of that loses what it has missed and goes on with the newest.
+
+    lost: bytes that it has missed
+    """
+
+    def __init__(self, fd: int) -> None:
+        self._counters, self._bytes = _map(fd, mmap.PROT_READ)
+        self._capacity: i64 = len(self._bytes)
+        self._head: i64 = self._counters[_TAIL]
+        self._seen: i64 = self._head
+        self.lost: i64 = 0
+
+    def read(self) -> bytes:
+        """Return the puts that were complete at the call before this one, see `Consumer.read`."""
+        visible, self._seen = self._seen, self._counters[_TAIL]
+        count = visible - self._head
+        if not count:
+            return b""
+        data = b"" if count > self._capacity // 2 else self._copy(count)
+        # A put under way writes ahead of the tail: half of the ring is more than any has.
+        if self._counters[_TAIL] - self._head > self._capacity // 2:
+            data = b""
+        if not data:
+            self.lost += count
+        self._head = visible
+        return data
+
+    def _copy(self, count: i64) -> bytes:
+        start = self._head & (self._capacity - 1)
+        stop = start + count
+        if stop <= self._capacity:
+            return bytes(self._bytes[start:stop])
+        return bytes(self._bytes[start:]) + bytes(self._bytes[: stop - self._capacity])
 
     @property
     def closed(self) -> bool:

@@ -33,17 +33,19 @@ def describe(topics: Sequence[Topic]) -> dict[str, Any]:
 
 def joined(
     out: int, config: Mapping[str, Any], segment: int | None = None,
-    producer: ring.Producer | None = None,
+    producer: ring.Producer | None = None, live: socket.socket | None = None,
 ) -> tuple[ring.Producer, socket.socket, subprocess.Popen[bytes] | None]:  # fmt: skip
     """Start a recorder process on an open file; returns the ring to it and what belongs to it.
 
-    Parameters: producer : of a ring whose recorder was lost, with what that one has not written
+    Parameters: producer : of a ring whose recorder was lost, with what that one has not written;
+        live : where readers of the ring are let in
     """
     ring_fd = ring.create(config["ring_bytes"]) if producer is None else os.dup(producer.fd)
     try:
         if producer is not None:
             producer.rewind()
-        control, process = _start({**config, "out": out, "ring": ring_fd, "segment": segment})
+        descriptors = {"out": out, "ring": ring_fd, "live": None if live is None else live.fileno()}
+        control, process = _start({**config, **descriptors, "segment": segment})
         return producer or ring.Producer(ring_fd), control, process
     finally:
         os.close(ring_fd)
@@ -71,12 +73,13 @@ def _spawn(config: Mapping[str, Any]) -> subprocess.Popen[bytes]:
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
         # Held back until the new process, which inherits the mask, can ignore them itself.
         held = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_SIGNALS)
+        handed = (config["out"], config["ring"], config["control"], config["live"])
         try:
             return subprocess.Popen(
                 [sys.executable, "-P", "-m", "drivers.recorder.process"],
                 stdin=standard_input,
                 stdout=subprocess.DEVNULL,
-                pass_fds=(config["out"], config["ring"], config["control"]),
+                pass_fds=[descriptor for descriptor in handed if descriptor is not None],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
                 start_new_session=True,
             )

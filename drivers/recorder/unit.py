@@ -18,6 +18,7 @@ from hil.errors import RunError
 
 VARIABLE: Final = "HIL_RECORDER_SOCKET"
 _DESCRIPTORS: Final = 3
+_WITH_LIVE: Final = 4
 
 
 def hand_over(address: str, config: Mapping[str, Any]) -> socket.socket:
@@ -33,6 +34,8 @@ def hand_over(address: str, config: Mapping[str, Any]) -> socket.socket:
             file.flush()
             control.connect(address)
             descriptors = [file.fileno(), config["out"], config["ring"]]
+            if config["live"] is not None:
+                descriptors.append(config["live"])
             socket.send_fds(control, [b"record"], descriptors)
     except OSError as error:
         control.close()
@@ -47,11 +50,12 @@ def take_over(descriptor: int) -> dict[str, Any]:
     """
     control = socket.socket(fileno=os.dup(descriptor))
     with control:
-        _, descriptors, _, _ = socket.recv_fds(control, 64, _DESCRIPTORS)
-    if len(descriptors) != _DESCRIPTORS:
+        _, descriptors, _, _ = socket.recv_fds(control, 64, _WITH_LIVE)
+    if not _DESCRIPTORS <= len(descriptors) <= _WITH_LIVE:
         raise RunError(f"recorder: {len(descriptors)} descriptors came, {_DESCRIPTORS} are needed")
-    described, out, ring = descriptors
+    described, out, ring, *live = descriptors
     with os.fdopen(described, "rb") as file:
         file.seek(0)
         config: dict[str, Any] = json.load(file)
-    return {**config, "out": out, "ring": ring, "control": descriptor}
+    own = {"out": out, "ring": ring, "control": descriptor, "live": live[0] if live else None}
+    return {**config, **own}

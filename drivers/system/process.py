@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -17,9 +18,11 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any, Final, NamedTuple, TextIO
 
+from drivers.recorder import tap
 from drivers.recorder.client import RING_BYTES, NullRecorder, Recorder, Rotation
 from drivers.recorder.room import deferred_ring_bytes, ring_bytes
 from drivers.system import starter
+from drivers.zenoh.sockets import Side, guard_socket, records_socket
 from hil import compiled
 from hil.config.process import LogConfig
 from hil.config.resolved import Resolved, read_resolved
@@ -58,8 +61,12 @@ def open_recorder(
     scenario: Resolved,
     process: str,
     more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+    *,
+    live: bool = False,
 ) -> Recorder | NullRecorder:
     """Open the log of a process, with all that a replay needs in it.
+
+    Parameters: live : whether others may look on, see drivers/recorder/tap.py
 
     Raises: ConfigError when it cannot be written, or its ring finds no room in the memory
     """
@@ -85,7 +92,21 @@ def open_recorder(
     return Recorder.open(
         path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log),
         ring_bytes=_ring_bytes(scenario), deferred=scenario.log.defer,
+        live=_listener(scenario, process) if live else None,
     )  # fmt: skip
+
+
+def _listener(scenario: Resolved, process: str) -> socket.socket | None:
+    """Where this recorder can be joined; None where that cannot be had, which is no fault."""
+    try:
+        side: Side = "plant" if process == "plant" else "controller"
+        path = records_socket(scenario.link.zenoh, side, own=True)
+        listener = tap.listen(path)
+        if listener is not None:
+            guard_socket(path)
+    except (OSError, HilError):
+        return None
+    return listener
 
 
 def _ring_bytes(scenario: Resolved) -> int:

@@ -14,6 +14,8 @@ from typing import Final, Literal
 from hil.config.process import ZenohConfig
 from hil.errors import ConfigError
 
+Side = Literal["plant", "controller"]
+
 VARIABLE: Final = "HIL_RUNTIME_DIRECTORY"
 SERVICES: Final = Path("/run/fpeg")
 """Where the units meet; only root makes anything beside it."""
@@ -97,7 +99,7 @@ def _name(engine: str, side: str) -> str:
     return f"{engine}-{side}.sock"
 
 
-def placed(config: ZenohConfig, role: Literal["plant", "controller", "bench"]) -> ZenohConfig:
+def placed(config: ZenohConfig, role: Literal[Side, "bench"]) -> ZenohConfig:
     """Return the configuration with the endpoints that it leaves open: sockets of the engine.
 
     Raises: ConfigError when the directory for them will not do
@@ -116,10 +118,30 @@ def placed(config: ZenohConfig, role: Literal["plant", "controller", "bench"]) -
     return config.model_copy(update=given)
 
 
+def records_socket(config: ZenohConfig, side: Side, *, own: bool = False) -> Path:
+    """Return where the recorder of a process can be joined: beside the socket of that process.
+
+    Parameters: own : whether it is the process itself that asks, not who looks for it
+
+    Raises: ConfigError when there is no directory for it
+    """
+    config = placed(config, side if own else "bench")
+    endpoint = config.plant_endpoint if side == "plant" else config.controller_endpoint
+    protocol, _, path = endpoint.partition("/")
+    if protocol != "unixsock-stream":
+        folder = made(own_directory()) if own else found(config.engine)
+        path = str(folder / _name(config.engine, side))
+    return Path(path).with_suffix(".records")
+
+
 def guard(endpoint: str) -> None:
     """Let those connect to a socket of ours who may enter its directory: this user, or a group."""
     protocol, _, path = endpoint.partition("/")
     if protocol == "unixsock-stream":
-        folder_mode = Path(path).parent.stat().st_mode
-        is_of_group = folder_mode & 0o017 == 0o010
-        Path(path).chmod(0o660 if is_of_group else 0o600)
+        guard_socket(Path(path))
+
+
+def guard_socket(path: Path) -> None:
+    """The same of a socket by its path."""
+    is_of_group = path.parent.stat().st_mode & 0o017 == 0o010
+    path.chmod(0o660 if is_of_group else 0o600)

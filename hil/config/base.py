@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Final
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -17,10 +17,26 @@ from hil.wire.quantities import Number
 Tree = dict[str, Any]
 
 
+LIVE: Final[dict[str, Any]] = {"live": True}
+FIXED: Final[dict[str, Any]] = {"live": False}
+"""For `json_schema_extra` of a key of which its section says otherwise; `unit` goes there too."""
+
+
 class Section(BaseModel):
-    """A table of the configuration file."""
+    """A table of the configuration file.
+
+    live: whether a running engine takes changes of its keys
+    """
+
+    live: ClassVar[bool] = False
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Tunable(Section):
+    """A table of which a running engine takes changes."""
+
+    live: ClassVar[bool] = True
 
 
 def ranged(number: Number) -> Any:  # noqa: ANN401
@@ -35,13 +51,13 @@ class OneOf:
     """Annotates a string that is one of names declared elsewhere, as `Literal` does for its own."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._names = list(names)
+        self.names = tuple(names)
 
     def __get_pydantic_core_schema__(
         self, _source: type, _handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """Return what pydantic checks and describes by."""
-        return core_schema.literal_schema(self._names)
+        return core_schema.literal_schema(list(self.names))
 
 
 def read_toml(path: Path) -> Tree:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from hil.config.base import Section, ranged
+from hil.config.base import FIXED, LIVE, Section, Tunable, ranged
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, DeadTimeS, FlowKgS, StaleS, StartForceN, TdcRefM
 from hil.wire.commands import LAW, TARGET_POWER_W
@@ -25,7 +25,7 @@ MidSpeed = Annotated[float, Field(gt=0.0, le=8.0)]
 StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
-class Gains(Section):
+class Gains(Tunable):
     """Gains of one PID loop (thesis eqs. 6.3, 6.4), which acts once a stroke.
 
     The thesis's own loops are PI: kd is 0 unless it is given.
@@ -39,25 +39,25 @@ class Gains(Section):
 class OuterGains(Gains):
     """TDC error [m] to velocity reference [m/s]."""
 
-    kp: float = Field(default=39.0, ge=-1e3, le=1e3)
-    ki: float = Field(default=52.0, ge=-1e3, le=1e3)
+    kp: float = Field(default=39.0, ge=-1e3, le=1e3, json_schema_extra={"unit": "1/s"})
+    ki: float = Field(default=52.0, ge=-1e3, le=1e3, json_schema_extra={"unit": "1/s"})
 
 
 class InnerGains(Gains):
     """Velocity error [m/s] to fuel [kg]."""
 
-    kp: float = Field(default=3.12e-6, ge=-1e3, le=1e3)
-    ki: float = Field(default=2.06e-6, ge=-1e3, le=1e3)
+    kp: float = Field(default=3.12e-6, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg s/m"})
+    ki: float = Field(default=2.06e-6, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg s/m"})
 
 
 class TdcGains(Gains):
     """TDC error [m] to fuel [kg]."""
 
-    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3)
-    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3)
+    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg/m"})
+    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3, json_schema_extra={"unit": "kg/m"})
 
 
-class CascadeConfig(Section):
+class CascadeConfig(Tunable):
     """Outer loop on the previous stroke's TDC, inner loop on this stroke's mid-stroke velocity.
 
     outer: m/s of velocity reference per m of TDC error
@@ -70,19 +70,19 @@ class CascadeConfig(Section):
     v_correction_max_m_s: float = Field(default=1.0, gt=0.0, le=5.0)
 
 
-class SingleLoopConfig(Section):
+class SingleLoopConfig(Tunable):
     """One PI from TDC error to fuel, with the delay of the thesis's Table 6.2 (kg per m)."""
 
     tdc: TdcGains = TdcGains()
 
 
-class OpenLoopConfig(Section):
+class OpenLoopConfig(Tunable):
     """Fixed fuel; None takes the model's own default."""
 
     fuel_kg: FuelKg | None = None
 
 
-class LearningConfig(Section):
+class LearningConfig(Tunable):
     """How the model-based laws learn what share of the fuel acts, by cylinder.
 
     gain: part of what a stroke shows that is believed
@@ -103,7 +103,7 @@ class LearningConfig(Section):
     offset_m: float = Field(default=2.0e-3, ge=0.0, le=0.01)
 
 
-class LoadEstimateConfig(Section):
+class LoadEstimateConfig(Tunable):
     """The load from electric power and velocity.
 
     slowest_m_s: below this speed the power tells nothing of the load
@@ -123,13 +123,13 @@ class LoadEstimateConfig(Section):
     retrim: float = Field(default=2.0e-3, ge=0.0, le=1.0)
 
 
-class PdfConfig(Section):
+class PdfConfig(Tunable):
     """Where the load that is fed forward comes from: measured power, or the command alone."""
 
     load_from: Literal["power", "command"] = "power"
 
 
-class PredictiveConfig(Section):
+class PredictiveConfig(Tunable):
     """The load from mid-stroke velocity; all are shares of the load.
 
     drift: standard deviation by which the load moves in a stroke
@@ -144,7 +144,7 @@ class PredictiveConfig(Section):
     noise_gain: float = Field(default=0.1, ge=0.0, le=1.0)
 
 
-class ObserverConfig(Section):
+class ObserverConfig(Tunable):
     """The extended state observer.
 
     drift_n_s_m, drift_m_s: standard deviations by which load and velocity move in a tick unforeseen
@@ -164,7 +164,7 @@ class ObserverConfig(Section):
     noise_gain: float = Field(default=0.02, ge=0.0, le=1.0)
 
 
-class MachineLawConfig(Section):
+class MachineLawConfig(Tunable):
     """The machine's part within a stroke.
 
     gain: share of the predicted TDC error that one tick's order is to remove
@@ -180,7 +180,17 @@ class MachineLawConfig(Section):
     release_s: float = Field(default=1.0e-3, ge=0.0, le=0.1)
 
 
-class StartConfig(Section):
+class StrokeMapConfig(Section):
+    """What the model-based laws and the timing believe of a stroke (docs/control.md).
+
+    kind: which map; the bench gives the one of the plant's model. `auto` is the linear one where
+        that meets the preset's three figures, else the gas law where that does
+    """
+
+    kind: Literal["auto", "linear", "gas-law"] = "auto"
+
+
+class StartConfig(Tunable):
     """Starting by motoring in resonance (thesis section 6.1.3, level 1).
 
     force_n: limit of the motoring force
@@ -198,7 +208,7 @@ class StartConfig(Section):
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
 
 
-class SupervisoryConfig(Section):
+class SupervisoryConfig(Tunable):
     """Set points from a target power (level 2); without a target the fixed values hold.
 
     tdc_step_m: most by which the TDC set point moves in a stroke
@@ -214,7 +224,7 @@ class SupervisoryConfig(Section):
     throttle: float = Field(default=1.0, gt=0.0, le=1.0)
 
 
-class TimingConfig(Section):
+class TimingConfig(Tunable):
     """When edges are placed (level 4).
 
     act_ticks: ticks after a sample from which its answer is sure to act; what is due before stays
@@ -226,7 +236,9 @@ class TimingConfig(Section):
     """
 
     spark_position_m: float | None = Field(default=None, gt=0.0, le=0.05)
-    fires: tuple[bool, ...] = Field(default=(True,), min_length=1, max_length=8)
+    fires: tuple[bool, ...] = Field(
+        default=(True,), min_length=1, max_length=8, json_schema_extra=FIXED
+    )
     spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
     spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
@@ -237,14 +249,14 @@ class TimingConfig(Section):
     trim_margin_s: float = Field(default=0.3e-3, ge=0.0, le=5.0e-3)
 
 
-class InjectorKnowledge(Section):
+class InjectorKnowledge(Tunable):
     """What the controller believes of the injectors."""
 
     static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
     dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
 
 
-class LimitsConfig(Section):
+class LimitsConfig(Tunable):
     """The last limit: beyond it the controller goes to its safe state."""
 
     tdc_m: Metres | None = None
@@ -278,8 +290,8 @@ class Tuning(Section):
 class ControllerConfig(Section):
     """Everything that the controller process is told."""
 
-    name: LawName = "cascade"
-    tdc_ref_m: TdcRefM | None = None
+    name: LawName = Field(default="cascade", json_schema_extra=LIVE)
+    tdc_ref_m: TdcRefM | None = Field(default=None, json_schema_extra=LIVE)
     running: bool = Field(default=True, description="begins with the engine already running")
     cascade: CascadeConfig = CascadeConfig()
     single_loop: SingleLoopConfig = SingleLoopConfig()
@@ -288,6 +300,7 @@ class ControllerConfig(Section):
     predictive: PredictiveConfig = PredictiveConfig()
     observer: ObserverConfig = ObserverConfig()
     machine: MachineLawConfig = MachineLawConfig()
+    stroke_map: StrokeMapConfig = StrokeMapConfig()
     learning: LearningConfig = LearningConfig()
     load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()

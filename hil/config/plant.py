@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, get_type_hints
 
 from pydantic import Field, create_model, model_validator
 
-from hil.config.base import OneOf, Section
+from hil.config.base import LIVE, OneOf, Section, Tunable
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
 from hil.config.ranges import (
     STALE_S,
@@ -49,16 +49,43 @@ else:
     )
 
 
-class SensorConfig(Section):
-    """What the position and velocity sensors add to the truth; zero means nothing."""
+class SensorConfig(Tunable):
+    """What the position and velocity sensors add to the truth; zero means nothing.
+
+    offset_x_m, offset_v_m_s: added to the truth; it drifts where it is changed bit by bit
+    """
 
     noise_x_m: Annotated[float, Field(ge=0.0, le=1.0e-3)] = 0.0
     noise_v_m_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     resolution_x_m: Annotated[float, Field(ge=0.0, le=1.0e-3)] = 0.0
     resolution_v_m_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    offset_x_m: Annotated[float, Field(ge=-0.02, le=0.02)] = 0.0
+    offset_v_m_s: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
 
 
-class InjectorConfig(Section):
+class DisturbanceConfig(Tunable):
+    """What disturbs the engine all the time, beside the events of a scenario.
+
+    load_scale: the load in force is so many times the commanded one, beside the scale of an event
+    efficiency_low, efficiency_high: combustion efficiency, drawn anew for each combustion; that of
+        an event takes its place
+    """
+
+    load_scale: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    efficiency_low: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    efficiency_high: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+
+    @model_validator(mode="after")
+    def _efficiency_is_a_range(self) -> Self:
+        if self.efficiency_low > self.efficiency_high:
+            raise ValueError(
+                f"efficiency_low = {self.efficiency_low:g}: accepted is at most efficiency_high ="
+                f" {self.efficiency_high:g}"
+            )
+        return self
+
+
+class InjectorConfig(Tunable):
     """Injector characteristic: nothing for the dead time, then the static flow until it closes."""
 
     static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
@@ -86,14 +113,21 @@ class PlantConfig(Section):
 
     prototype: PrototypeName = DEFAULT.name
     model: Model = "harmonic"
-    load_coefficient_n_s_m: LoadCoefficient | None = None
+    load_coefficient_n_s_m: LoadCoefficient | None = Field(
+        default=None,
+        description="of the engine's nominal use, with which the plant brakes in its safe state",
+        json_schema_extra=LIVE,
+    )
     fmu: FmuConfig = FmuConfig()
     engine: EngineOverrides = EngineOverrides()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
-    spark_window_s: Annotated[float, Field(gt=0.0, le=0.05)] = 3.0e-3
+    disturbance: DisturbanceConfig = DisturbanceConfig()
+    spark_window_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=LIVE)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution
-    stale_s: StaleS = Field(default=STALE_S, description="silence borne of the controller")
+    stale_s: StaleS = Field(
+        default=STALE_S, description="silence borne of the controller", json_schema_extra=LIVE
+    )
     command_delay_ticks: Annotated[
         int, Field(ge=0, le=20, description="ticks by which commands act later than the wire's one")
     ] = 0

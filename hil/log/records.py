@@ -20,6 +20,9 @@ MESSAGE = 0x05  # opcode of an MCAP Message record
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
 PAYLOAD_OFFSET = MESSAGE_HEAD.size + len(CDR_LE)
 
+EVERY_TICK, EVERY_STROKE, NOW_AND_THEN = "tick", "stroke", "occasion"
+BOTH_SIDES = ("plant", "controller")
+
 # ROS 2 type: struct code, size in bytes (which is also its alignment)
 SCALARS = {
     "bool": ("?", 1),
@@ -179,15 +182,22 @@ class Topic:
     `layout`, `definition` and `schema_name` describe it; hil/log/packing.py has a function of its
     own for what is packed in every tick.
     length: what the length field of a record counts, without strings and byte sequences
+    rate: how often it is put, in a word: every tick, every stroke, now and then
+    sides: the processes that put it
 
     Raises: ValueError when `tick` or `t_ns` is missing
     """
 
-    def __init__(self, name: str, channel_id: int, record: type[Record]) -> None:
+    def __init__(
+        self, name: str, channel_id: int, record: type[Record], rate: str = NOW_AND_THEN,
+        sides: tuple[str, ...] = BOTH_SIDES,
+    ) -> None:  # fmt: skip
         fields = fields_of(record)
         self.name = name
         self.channel_id = channel_id
         self.record = record
+        self.rate = rate
+        self.sides = sides
         self.layout = layout = Layout(fields)
         self.schema_name = f"fpeg_hil/msg/{record.__name__}"
         self.definition = definition(fields, record.__doc__ or "")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Final
 
-from hil.log.records import Field, Record, Topic
+from hil.log.records import EVERY_STROKE, EVERY_TICK, Field, Record, Topic
 from hil.wire.messages import CHANNELS, MACHINE_MODES
 
 SAMPLE_FRESH, SAMPLE_NONE, SAMPLE_INVALID = 0, 1, 2
@@ -176,15 +176,15 @@ class Command(Record):
     data: Annotated[bytes, Field("uint8[]", "the command, JSON as it came")]
 
 
-SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor)
-ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator)
-STROKE: Final[Topic] = Topic("/stroke", 3, Stroke)
-TRUTH: Final[Topic] = Topic("/truth", 4, Truth)
-TIMING: Final[Topic] = Topic("/timing", 5, Timing)
+SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor, EVERY_TICK)
+ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator, EVERY_TICK)
+STROKE: Final[Topic] = Topic("/stroke", 3, Stroke, EVERY_STROKE, ("controller",))
+TRUTH: Final[Topic] = Topic("/truth", 4, Truth, EVERY_TICK, ("plant",))
+TIMING: Final[Topic] = Topic("/timing", 5, Timing, EVERY_TICK)
 EVENT: Final[Topic] = Topic("/event", 6, Event)
-FRAMES_SENT: Final[Topic] = Topic("/frames/sent", 7, Frames)
-FRAMES_RECEIVED: Final[Topic] = Topic("/frames/received", 8, Frames)
-DEMAND: Final[Topic] = Topic("/demand", 9, Demand)
+FRAMES_SENT: Final[Topic] = Topic("/frames/sent", 7, Frames, EVERY_TICK)
+FRAMES_RECEIVED: Final[Topic] = Topic("/frames/received", 8, Frames, EVERY_TICK)
+DEMAND: Final[Topic] = Topic("/demand", 9, Demand, EVERY_STROKE, ("controller",))
 SNAPSHOT: Final[Topic] = Topic("/snapshot", 10, Snapshot)
 COMMAND: Final[Topic] = Topic("/command", 11, Command)
 

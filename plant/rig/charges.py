@@ -22,9 +22,15 @@ SIDES: Final = ("left", "right")
 
 
 def efficiency(p: PlantParams, bounds: tuple[float, float] | None, index: int) -> float:
-    """Draw the efficiency of the combustion at dead centre `index`; 1 when undisturbed."""
+    """Draw the efficiency of the combustion at dead centre `index`; 1 when undisturbed.
+
+    Parameters: bounds : of an event, None where none acts and those of the parameters count
+    """
     if bounds is None:
-        return 1.0
+        given = p.config.disturbance
+        bounds = (given.efficiency_low, given.efficiency_high)
+        if bounds[0] == bounds[1]:
+            return bounds[0]
     low, high = bounds
     return low + (high - low) * uniform(p.seed, EFFICIENCY, index)
 

@@ -101,9 +101,13 @@ def objection(order: MachineOrder) -> str:
 
 
 def obey(p: PlantParams, order: MachineOrder, load_scale: float) -> Machine:
-    """Damping c = scale * Ce when generating; force within the peak force when motoring."""
+    """Damping c = scale * Ce when generating; force within the peak force when motoring.
+
+    Parameters: load_scale : of the events, beside that of the parameters
+    """
     if order.mode == GENERATOR:
-        return Machine(order, order.load_coefficient_n_s_m * load_scale, 0.0)
+        scale = load_scale * p.config.disturbance.load_scale
+        return Machine(order, order.load_coefficient_n_s_m * scale, 0.0)
     if order.mode == MOTOR:
         peak = p.peak_force_n
         return Machine(order, 0.0, min(max(order.force_n, -peak), peak))

@@ -7,7 +7,7 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from hil.config.plant import PlantConfig, SensorConfig
+from hil.config.plant import InjectorConfig, PlantConfig, SensorConfig
 from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
 from hil.values import Value
@@ -24,38 +24,26 @@ _FUEL_TOLERANCE_KG: Final = 0.5e-9
 
 @final
 class PlantParams(Value):
-    """Everything constant in a run; `names`, `events` and `edges` are the disturbances.
+    """What does not change within a tick; `names`, `events` and `edges` are the disturbances.
 
+    config: what the rest follows from, but for the engine, which stays as it was built
     rearm: the safe state ends when answers return, and needs no start
     """
 
     __slots__ = (
-        "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m", "peak_force_n",
-        "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors", "noisy", "seed",
-        "names", "events", "edges", "delay_ticks", "rearm",
+        "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
+        "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
+        "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm",
     )  # fmt: skip
 
     def __init__(
-        self,
-        engine: Engine,
-        dt_s: float,
-        period_ns: int,
-        stale_ticks: i64,
-        load_coefficient_n_s_m: float,
-        peak_force_n: float,
-        spark_window_ns: float,
-        injector: Injector,
-        fuel_min_kg: float,
-        fuel_max_kg: float,
-        sensors: SensorConfig,
-        noisy: bool,
-        seed: int,
-        names: tuple[str, ...],
-        events: tuple[TimedCommand, ...],
-        edges: tuple[Edge, ...],
-        delay_ticks: i64,
-        rearm: bool,
-    ) -> None:
+        self, config: PlantConfig, engine: Engine, dt_s: float, period_ns: int, stale_ticks: i64,
+        load_coefficient_n_s_m: float, peak_force_n: float, spark_window_ns: float,
+        injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
+        noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
+        edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool,
+    ) -> None:  # fmt: skip
+        self.config = config
         self.engine = engine
         self.dt_s = dt_s
         self.period_ns = period_ns
@@ -74,6 +62,14 @@ class PlantParams(Value):
         self.edges = edges
         self.delay_ticks = delay_ticks
         self.rearm = rearm
+
+
+def _injector_of(config: InjectorConfig) -> Injector:
+    flow = config.static_flow_kg_s
+    return Injector(
+        (flow * config.flow_scale_left, flow * config.flow_scale_right),
+        config.dead_time_s * SECOND_NS,
+    )
 
 
 def checked_period_ns(period_ns: int) -> int:
@@ -96,9 +92,8 @@ def rig_params(
 ) -> PlantParams:
     """Flatten a configuration around an engine that is built."""
     prototype = config.resolved_prototype()
-    injector = config.injector
-    flow = injector.static_flow_kg_s
     return PlantParams(
+        config=config,
         engine=engine,
         dt_s=period_ns / SECOND_NS,
         period_ns=period_ns,
@@ -106,10 +101,7 @@ def rig_params(
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
         spark_window_ns=config.spark_window_s * SECOND_NS,
-        injector=Injector(
-            (flow * injector.flow_scale_left, flow * injector.flow_scale_right),
-            injector.dead_time_s * SECOND_NS,
-        ),
+        injector=_injector_of(config.injector),
         fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
         fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
         sensors=config.sensors,

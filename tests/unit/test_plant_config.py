@@ -3,9 +3,14 @@
 import pytest
 from pydantic import ValidationError
 
-from hil.config.plant import PlantConfig
+from hil.config.plant import DisturbanceConfig, PlantConfig
 from hil.config.prototypes import PROTOTYPES
 from hil.wire.commands import read_event
+from hil.wire.messages import GENERATOR
+from plant.build import plant_params
+from plant.engines.machine import MachineOrder
+from plant.rig.charges import efficiency
+from plant.rig.orders import obey
 
 
 def test_defaults_are_the_newcastle_engine_and_the_harmonic_model():
@@ -75,3 +80,26 @@ def test_every_kind_of_event_can_be_named(good):
 def test_events_out_of_range_are_refused(bad):
     with pytest.raises(ValueError, match=r"accepted|must"):
         read_event(bad)
+
+
+def test_the_load_scale_acts_beside_that_of_an_event():
+    p = plant_params(PlantConfig(disturbance=DisturbanceConfig(load_scale=0.5)), 1_000_000)
+    order = MachineOrder(GENERATOR, 0.0, 30.0)
+    assert obey(p, order, 1.0).load_coefficient_n_s_m == 15.0
+    assert obey(p, order, 3.0).load_coefficient_n_s_m == 45.0
+
+
+def test_the_efficiency_is_drawn_where_no_event_gives_another():
+    given = DisturbanceConfig(efficiency_low=0.9, efficiency_high=0.95)
+    p = plant_params(PlantConfig(disturbance=given), 1_000_000, seed=3)
+    drawn = [efficiency(p, None, index) for index in range(200)]
+    assert all(0.9 <= value <= 0.95 for value in drawn)
+    assert max(drawn) - min(drawn) > 0.04
+    assert efficiency(p, (0.5, 0.5), 1) == 0.5
+    fixed = DisturbanceConfig(efficiency_low=0.8, efficiency_high=0.8)
+    assert efficiency(plant_params(PlantConfig(disturbance=fixed), 1_000_000), None, 1) == 0.8
+
+
+def test_an_efficiency_that_is_no_range_is_refused():
+    with pytest.raises(ValueError, match="accepted is at most efficiency_high"):
+        DisturbanceConfig(efficiency_low=0.9, efficiency_high=0.8)

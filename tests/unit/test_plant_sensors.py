@@ -34,6 +34,11 @@ def test_ideal_sensors_tell_the_truth():
     assert all((seen.x_m, seen.v_m_s) == (s.x_m, s.v_m_s) for s, seen in samples(params(), 60))
 
 
+def test_an_offset_is_added_to_the_truth():
+    shifted = samples(params(offset_x_m=1e-3, offset_v_m_s=-0.5), 60)
+    assert all((seen.x_m, seen.v_m_s) == (s.x_m + 1e-3, s.v_m_s - 0.5) for s, seen in shifted)
+
+
 def test_noise_has_its_standard_deviation():
     p = params(noise_x_m=1e-5, noise_v_m_s=1e-2)
     state = initial_state(p, FUEL)[0]

@@ -70,8 +70,8 @@ def test_every_kind_of_event_and_every_expectation_is_there():
 
 
 def test_ranges_and_defaults_are_those_that_are_checked():
-    assert "| `run.duration_s` | number | `2.0` | above 0 to 86400 |" in PAGE
-    assert '| `plant.model` | text | `"harmonic"` | `closed-form`, `harmonic`,' in PAGE
+    assert "| `run.duration_s` | number | s | `2.0` | above 0 to 86400 |" in PAGE
+    assert '| `plant.model` | choice |  | `"harmonic"` | `closed-form`, `harmonic`,' in PAGE
 
 
 def test_the_unit_of_a_figure_is_that_of_its_name():

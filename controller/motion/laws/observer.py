@@ -24,7 +24,7 @@ from controller.motion.charge import (
 )
 from controller.motion.deadbeat import at_dead_centre, fuel_after
 from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
-from controller.motion.stroke_map import StrokeMap
+from controller.motion.maps.stroke_map import StrokeMap
 from hil.config.controller import ControllerConfig, ObserverConfig
 from hil.values import Value, replace
 
@@ -220,18 +220,13 @@ def follow(
     """One tick of the filter: predict over dt up to tau, correct by the velocity measured."""
     if dt <= 0.0:
         return replace(now, z=z)
-    m, c, q = believed.m, now.c, now.q
-    middle = 0.5 * (now.z + z) + dt * (now.v - v) / 12.0
-    push = believed.push(q, tau - 0.5 * dt)
-    a = (now.z - z) / m
-    b = dt / m * (push - believed.k_q * middle)
-    k = believed.k0 + believed.k_q * q
-    predicted = now.v + dt / m * (push * q - k * middle) + a * c
+    now_to = believed.predict(now.q, now.c, dt, now.z, now.v, z, v, tau)
+    predicted, a = now_to.v_m_s, now_to.by_load
     e = v - predicted
-    p = _carried(now.p, a, b, config)
+    p = _carried(now.p, a, now_to.by_charge, config)
     seen = abs(e) > config.step_min_m_s and abs(v) > config.slowest_m_s
     if seen and e * e > config.gate * config.gate * (p.vv + now.noise_m2_s2):
-        p = _after_jump(p, a, config.load_jump * c)
+        p = _after_jump(p, a, config.load_jump * now.c)
     return _corrected(config, now, p, predicted, e, z)
 
 

@@ -1,4 +1,4 @@
-"""What the model-based laws believe of a stroke: one exact segment, calibrated on a steady state.
+"""The map of the linear engines: one exact segment, calibrated on a steady state.
 
 m z'' + c z' + k z = q f [(1 - h) + h (4/pi) sin(omega tau)],  k = k0 + k_q q,  omega^2 = k / m
 
@@ -11,14 +11,13 @@ from __future__ import annotations
 import math
 from typing import Final, final
 
-from hil.roots import newton, secant
+from controller.motion.maps.stroke_map import Prediction, StrokeMap
+from hil.roots import newton
 from hil.values import Value
 
 _SINE: Final = 4.0 / math.pi
 _SPAN_S: Final = 1e-7
 _FLAT_S: Final = 2e-6
-_LEAST_KG: Final = 0.1e-6
-_CLOSE_KG: Final = 3e-10
 
 
 @final
@@ -58,33 +57,22 @@ class Path(Value):
 
 
 @final
-class StrokeMap(Value):
-    """Mass [kg], stiffness [N/m] and its rise per fuel, force per fuel [N/kg], shape, stroke [s].
-
-    From any point of a stroke it tells where that ends, when, and which charge ends it at a target.
-
-    fits: whether it meets the steady state in all three figures; else its timing is not relied on
-    speed: actual mid-stroke speed over that of the map, in the steady state
-    """
-
-    __slots__ = ("m", "k0", "k_q", "f", "h", "stroke_s", "fits", "speed")
+class LinearMap(StrokeMap):
+    """Mass [kg], stiffness [N/m] and its rise per fuel, force per fuel [N/kg], shape h."""
 
     def __init__(
         self, m: float, k0: float, k_q: float, f: float, h: float, stroke_s: float,
         fits: bool = True, speed: float = 1.0,
     ) -> None:  # fmt: skip
-        self.m = m
+        super().__init__(m, stroke_s, fits, speed)
         self.k0 = k0
         self.k_q = k_q
         self.f = f
         self.h = h
-        self.stroke_s = stroke_s
-        self.fits = fits
-        self.speed = speed
 
-    def with_mass(self, m: float) -> StrokeMap:
+    def with_mass(self, m: float) -> LinearMap:
         """The map of another moving mass over the same springs."""
-        return StrokeMap(m, self.k0, self.k_q, self.f, self.h, self.stroke_s, self.fits, self.speed)
+        return LinearMap(m, self.k0, self.k_q, self.f, self.h, self.stroke_s, self.fits, self.speed)
 
     def path(self, q: float, c: float, z: float, v: float, tau: float) -> Path:
         """Solve from (z, v) at tau on; damping beyond the oscillating kind is held below it."""
@@ -136,39 +124,18 @@ class StrokeMap(Value):
         s = newton(rising, 0.45 * self.stroke_s, low=_SPAN_S, most=most, close=_SPAN_S)
         return p.at(s)[1], s
 
-    def end_of(self, q: float, c: float, start_m: float) -> float:
-        """Distance at which a whole stroke from the distance `start_m` ends [m]."""
-        return self.travel(q, c, -start_m, 0.0, 0.0)[0]
+    def speed_at(self, q: float, c: float, start_m: float, tau: float) -> float:
+        """Velocity so long after the dead centre at the distance `start_m` [m/s]."""
+        return self.path(q, c, -start_m, 0.0, 0.0).at(tau)[1]
 
-    def charge_for(self, c: float, start_m: float, target_m: float, guess_kg: float) -> float:
-        """The effective fuel that ends the next stroke at the target [kg].
-
-        By the secant rule; where more fuel seems to end it sooner, the last that did not.
-        """
-        q0 = max(guess_kg, _LEAST_KG)
-        e0 = self.end_of(q0, c, start_m) - target_m
-        q1 = q0 * 1.02
-        for _ in range(5):
-            e1 = self.end_of(q1, c, start_m) - target_m
-            slope = (e1 - e0) / (q1 - q0)
-            if slope <= 0.0:
-                return q0
-            q0, e0 = q1, e1
-            q1 = min(max(q1 - e1 / slope, 0.3 * q1), 3.0 * q1)
-            if abs(q1 - q0) < _CLOSE_KG:
-                break
-        return q1
-
-    def load_behind(self, q: float, start_m: float, v_mid: float, guess_n_s_m: float) -> float:
-        """The load coefficient that explains a mid-stroke speed [N s/m]."""
-        return secant(
-            lambda c: self.pass_mid(q, c, start_m)[0] - v_mid, max(guess_n_s_m, 1.0),
-            steps=5, relative=1e-4,
-        )  # fmt: skip
-
-    def load_of_cycle(self, q: float, tdc_m: float, guess_n_s_m: float) -> float:
-        """The load coefficient under which strokes on that fuel end where they begin [N s/m]."""
-        return secant(
-            lambda c: self.end_of(q, c, tdc_m) - tdc_m, max(guess_n_s_m, 1.0),
-            steps=6, relative=1e-5,
-        )  # fmt: skip
+    def predict(
+        self, q: float, c: float, dt: float, z0: float, v0: float, z1: float, v1: float, tau: float
+    ) -> Prediction:
+        """The momentum: m v1 = m v0 + dt (q f(tau) - k z) - c (z1 - z0), z the mean on the way."""
+        m = self.m
+        middle = 0.5 * (z0 + z1) + dt * (v0 - v1) / 12.0
+        push = self.push(q, tau - 0.5 * dt)
+        a = (z0 - z1) / m
+        b = dt / m * (push - self.k_q * middle)
+        k = self.k0 + self.k_q * q
+        return Prediction(v0 + dt / m * (push * q - k * middle) + a * c, a, b)

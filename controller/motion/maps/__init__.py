@@ -1,0 +1,1 @@
+"""What the model-based laws believe of a stroke: one interface, and a module for each maker."""
