@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 from bench.report import indicator, plots_engine
 from bench.report.indicator import Cycle
 from bench.report.page import small_tile, table
-from bench.report.style import svg
 from bench.run.directory import RunFiles
+from bench.web.page import Page
 from hil.config.resolved import Resolved
 from hil.errors import MissingExtraError
 
@@ -46,8 +46,8 @@ _TABLE: Final = (
 )
 
 
-def section(scenario: Resolved, files: RunFiles) -> str:
-    """Return the section as HTML, empty for a model without a gas.
+def section(page: Page, scenario: Resolved, files: RunFiles) -> str:
+    """Return the section of a page as HTML, empty for a model without a gas.
 
     Where there is nothing to show it says why.
     """
@@ -59,13 +59,9 @@ def section(scenario: Resolved, files: RunFiles) -> str:
         cycle, why = None, str(error)
     if cycle is None:
         return f"<section><h2>Engine cycle</h2><p>Not shown: {html.escape(why)}.</p></section>"
-    pictures = [[plots_engine.pressure_volume(cycle), plots_engine.pressure_volume_log(cycle)]]
+    rows = page.row([plots_engine.pressure_volume(cycle), plots_engine.pressure_volume_log(cycle)])
     if cycle.figures.fuel_w > 0.0:
-        pictures.append([plots_engine.power(cycle)])
-    rows = "".join(
-        '<div class="row">' + "".join(f"<figure>{svg(f)}</figure>" for f in row) + "</div>"
-        for row in pictures
-    )
+        rows += f'<div class="row">{plots_engine.power(cycle)}</div>'
     return (
         f'<section class="pictures"><h2>Engine cycle</h2>{_tiles(cycle)}{rows}</section>'
         f"<details><summary>Figures of the last cycles</summary>{_table(cycle)}</details>"
@@ -78,13 +74,13 @@ def _tiles(cycle: Cycle) -> str:
     cells = [
         small_tile("Indicated power", f"{f.indicated_w:.0f}", "W",
                    f"of {f.fuel_w:.0f} W fuel" if f.fuel_w > 0.0 else "nothing burns"),
-        small_tile("Electric power", f"{f.electric_w:.0f}", "W",
+        small_tile("Electric power, last cycles", f"{f.electric_w:.0f}", "W",
                    "less the drive's" if f.motoring_w > 0.0 and f.fuel_w > 0.0
                    else "at the terminals"),
         small_tile("Compression ratio", f"{f.compression_ratio:.2f}", "", "effective"),
         small_tile("Peak pressure", f"{f.p_max_pa * 1e-5:.1f}", "bar",
                    f"mean {cycle.mean_pressure_pa * 1e-5:.2f} bar"),
-        small_tile("Speed", f"{f.speed_rpm:.0f}", "rpm", f"up to {f.v_max_m_s:.2f} m/s"),
+        small_tile("Equivalent speed", f"{f.speed_rpm:.0f}", "rpm", f"up to {f.v_max_m_s:.2f} m/s"),
     ]  # fmt: skip
     if f.fuel_w > 0.0:
         electric = f"electric {100.0 * f.electric_w / f.fuel_w:.1f} %"

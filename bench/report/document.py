@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from bench.judge.figures import RunData
 from bench.judge.summary import Summary
 from bench.judge.verdict import VERDICTS
 from bench.report import cylinders, plots_control, plots_motion
-from bench.report.page import STYLE, TILES, Tile, small_tile, table
-from bench.report.style import style, svg
+from bench.report.page import TILES, Tile, small_tile, table
 from bench.report.traces import Traces, read_traces
 from bench.run.directory import RunFiles
-from hil.errors import MissingExtraError
+from bench.web.page import Page, controls
+from bench.web.plot import TIME, Plot
 from hil.files import Output
 
 _MAX_EVENTS = 300
@@ -24,80 +24,78 @@ _MAX_EVENTS = 300
 def write_report(data: RunData, summary: Summary, files: RunFiles) -> None:
     """Draw and write the report of a run.
 
-    Raises: MissingExtraError when matplotlib is not installed
+    Raises: MissingExtraError when the plotting library is not installed
+    """
+    Output("report", files.report, force=True).write(document(data, summary, files))
+
+
+def document(data: RunData, summary: Summary, files: RunFiles, extra: str = "") -> str:
+    """Return the report as one page.
+
+    Parameters: extra : a script that the page runs after its own
+
+    Raises: MissingExtraError when the plotting library is not installed
     """
     traces = read_traces(data, files)
-    try:
-        with style():
-            pictures = _pictures(data, traces)
-            engine = cylinders.section(data.scenario, files)
-    except ImportError as error:
-        if error.name is None or error.name.partition(".")[0] != "matplotlib":
-            raise
-        raise MissingExtraError("matplotlib", "desk", "the report") from None
-    page = _page(data, summary, pictures, engine)
-    Output("report", files.report, force=True).write(page)
+    page = Page(summary["scenario"])
+    body = [
+        _head(summary),
+        _fault(summary),
+        _tiles(summary),
+        _expectations(summary),
+        '<section class="pictures">',
+        controls(TIME, plots_motion.marks_of(data)),
+        *_plots(page, data, traces),
+        "</section>",
+        cylinders.section(page, data.scenario, files),
+        _events(data),
+        _all_figures(summary),
+        _configuration(data, summary),
+    ]
+    return page.html("".join(body), extra)
 
 
 def save_picture(data: RunData, files: RunFiles, file: Output) -> None:
-    """Write the overview alone as an SVG file, as the documentation shows it."""
+    """Write the overview alone as an SVG file, as the documentation shows it.
+
+    Raises: MissingExtraError when matplotlib is not installed
+    """
+    from bench.report.picture import overview
+    from bench.report.style import style, svg
+
     with style():
-        text = svg(plots_motion.overview(data, read_traces(data, files)), transparent=False)
+        text = svg(overview(data, read_traces(data, files)), transparent=False)
     file.write(text)
 
 
-def _pictures(data: RunData, traces: Traces) -> list[str]:
-    """Draw every picture that the run has something to show in, laid out in rows."""
-    error = plots_motion.tdc_error(data)
-    loops = plots_control.loops(data, traces)
-    rows: list[list[Any]] = [
-        [plots_motion.overview(data, traces)],
-        [error],
+def _plots(page: Page, data: RunData, traces: Traces) -> list[str]:
+    """Every plot that the run has something to show in, laid out in rows."""
+    rows: list[Sequence[Plot | None]] = [
+        [plots_motion.position(data, traces)],
+        [plots_motion.dead_centres(data)],
+        [plots_motion.tdc_error(data)],
         [plots_motion.phase(data, traces), plots_motion.fuel(data, traces)],
-        [loops],
-        [plots_motion.load(data, traces)],
+        *([plot] for plot in plots_control.loops(data, traces)),
+        [plots_motion.pressures(data, traces)],
+        *([plot] for plot in plots_motion.machine(data, traces)),
     ]
     if traces.lateness:
         over_time = plots_control.lateness_over_time(data, traces)
         rows.append([plots_control.lateness_histogram(data), over_time])
-    drawn = [[svg(figure) for figure in row if figure is not None] for row in rows]
-    return [f'<div class="row">{_figures(row)}</div>' for row in drawn if row]
+    return [page.row(row) for row in rows]
 
 
-def _figures(pictures: Iterable[str]) -> str:
-    return "".join(f"<figure>{picture}</figure>" for picture in pictures)
-
-
-def _page(data: RunData, summary: Summary, pictures: Sequence[str], engine: str) -> str:
-    """Put the page together."""
+def _head(summary: Summary) -> str:
+    """Name, what was run, and the verdict."""
     name = html.escape(summary["scenario"])
     run = summary["run"]
     facts = [run["model"], run["prototype"].upper(), run["controller"], run["link"], run["clock"]]
     facts += [f"{run['rate_hz']} Hz", f"{run['duration_s']:g} s", f"seed {run['seed']}"]
     verdict = summary["verdict"]
     badge = f'<span class="badge {verdict.replace(" ", "-")}">{VERDICTS[verdict]}</span>'
-    head = (
+    return (
         f"<header><div><h1>{name}</h1><p>{html.escape(summary['description'])}</p>"
         f'<p class="facts">{html.escape(" · ".join(map(str, facts)))}</p></div>{badge}</header>'
-    )
-    body = [
-        head,
-        _fault(summary),
-        _tiles(summary),
-        _expectations(summary),
-        '<section class="pictures">',
-        *pictures,
-        "</section>",
-        engine,
-        _events(data),
-        _all_figures(summary),
-        _configuration(data, summary),
-    ]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{name}</title><style>{STYLE}</style></head>"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
     )
 
 

@@ -1,28 +1,13 @@
-"""Pictures of a detailed engine's cycle: pressure-volume diagrams, and where the power goes."""
+"""Plots of a detailed engine's cycle: pressure-volume diagrams, and where the power goes."""
 
 from __future__ import annotations
 
+import html
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from bench.report.style import (
-    BAND,
-    COMMANDED,
-    EVENT,
-    HALF,
-    I_TERM,
-    LEFT,
-    MOTION,
-    P_TERM,
-    RIGHT,
-    WANTED,
-    WIDE,
-    canvas,
-)
+from bench.web.plot import Plot, Series
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from bench.report.indicator import Cycle
 
 _CM3, _BAR = 1.0e6, 1.0e-5
@@ -39,85 +24,64 @@ class Part(NamedTuple):
     remains: bool = False
 
 
-def pressure_volume(cycle: Cycle) -> Figure:
+def pressure_volume(cycle: Cycle) -> Plot:
     """Pressure over volume of both cylinders, as in thesis Fig 4.13."""
-    figure, (axes,) = canvas(HALF, 4.4)
-    _draw(axes, cycle)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.set_title("Pressure and volume, last cycle")
-    return figure
+    return Plot("Pressure and volume, last cycle", "V  [cm³]", "p  [bar]", _curves(cycle), None,
+                low=0.0, square=True, height=330)  # fmt: skip
 
 
-def pressure_volume_log(cycle: Cycle) -> Figure:
+def pressure_volume_log(cycle: Cycle) -> Plot:
     """The same on logarithmic axes: gas exchange becomes visible, polytropes are straight."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    figure, (axes,) = canvas(HALF, 4.4)
-    _draw(axes, cycle)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    axes.set_title("The same, logarithmic")
-    return figure
+    return Plot("The same, logarithmic", "V  [cm³]", "p  [bar]", _curves(cycle), None,
+                square=True, log_x=True, log_y=True, height=330)  # fmt: skip
 
 
-def _draw(axes: Axes, cycle: Cycle) -> None:
+def _curves(cycle: Cycle) -> tuple[Series, ...]:
     # In symmetric running the two lie on one another: the left one is drawn broad, below.
-    for side, colour, label, width in ((0, LEFT, "left", 2.6), (1, RIGHT, "right", 0.9)):
-        if cycle.volume_m3[side].max() < _BARELY * cycle.volume_m3[side].min():
-            continue  # a chamber that is open to the air in all but name
-        axes.plot(cycle.volume_m3[side] * _CM3, cycle.p_pa[side] * _BAR, color=colour,
-                  linewidth=width, alpha=0.55 if side == 0 else 1.0, label=label)  # fmt: skip
-    axes.set_xlabel("V  [cm³]")
-    axes.set_ylabel("p  [bar]")
-    axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    return tuple(
+        Series(name, cycle.volume_m3[side] * _CM3, cycle.p_pa[side] * _BAR, name, "curve",
+               width=width)
+        for side, name, width in ((0, "left", 4.0), (1, "right", 1.4))
+        # not a chamber that is open to the air in all but name
+        if cycle.volume_m3[side].max() >= _BARELY * cycle.volume_m3[side].min()
+    )  # fmt: skip
 
 
 def parts_of(figures: Any) -> list[Part]:  # noqa: ANN401
     """From the fuel to the indicated power, and on to the electric power (thesis eq. 4.1)."""
     f = figures
     parts = [
-        Part("fuel", f.fuel_w, WANTED, remains=True),
-        Part("exhaust less intake", f.exhaust_w, COMMANDED),
-        Part("heat to the walls", f.heat_w, EVENT),
-        Part("past the rings", f.leak_w, P_TERM),
-        Part("indicated", f.indicated_w, MOTION, remains=True),
-        Part("scavenging pumps", f.pump_w, P_TERM),
-        Part("friction", f.friction_w, I_TERM),
-        Part("motor's drive", f.motoring_w, RIGHT),
-        Part("copper", f.copper_w, EVENT),
-        Part("electric", f.electric_w, BAND, remains=True),
+        Part("fuel", f.fuel_w, "wanted", remains=True),
+        Part("exhaust less intake", f.exhaust_w, "commanded"),
+        Part("heat to the walls", f.heat_w, "event"),
+        Part("past the rings", f.leak_w, "p-term"),
+        Part("indicated", f.indicated_w, "motion", remains=True),
+        Part("scavenging pumps", f.pump_w, "p-term"),
+        Part("friction", f.friction_w, "i-term"),
+        Part("motor's drive", f.motoring_w, "right"),
+        Part("copper", f.copper_w, "event"),
+        Part("electric", f.electric_w, "band", remains=True),
     ]
     return [p for p in parts if p.remains or abs(p.power_w) > _SHOWN_SHARE * f.fuel_w]
 
 
-def power(cycle: Cycle) -> Figure:
-    """Where the fuel's power goes: every loss takes its part off what is left."""
-    parts = parts_of(cycle.figures)
+def power(cycle: Cycle) -> str:
+    """Where the fuel's power goes, as HTML: every loss takes its part off what is left."""
     fuel = cycle.figures.fuel_w or 1.0
-    figure, (axes,) = canvas(WIDE, 0.34 * len(parts) + 1.1)
-    left = fuel
-    for row, part in enumerate(parts):
+    left, rows = fuel, []
+    for part in parts_of(cycle.figures):
         if part.remains:
             left = part.power_w
         begin = 0.0 if part.remains else left - part.power_w
-        axes.barh(row, part.power_w, left=begin, color=part.colour, height=0.66,
-                  alpha=1.0 if part.remains else 0.75)  # fmt: skip
-        end = max(begin + part.power_w, begin)
-        text = f"{part.power_w:.0f} W   {100.0 * part.power_w / fuel:.1f} %"
-        axes.annotate(text, (end, row), xytext=(6, 0), textcoords="offset points", va="center",
-                      fontsize=8.5, color=WANTED)  # fmt: skip
-        left = begin
-        if part.remains:
-            left = part.power_w
-    axes.set_yticks(range(len(parts)), [part.name for part in parts])
-    axes.invert_yaxis()
-    axes.set_xlim(0.0, 1.16 * fuel)
-    axes.grid(visible=False, axis="y")
-    axes.set_title("Power from the fuel to the terminals, share of the fuel")
-    axes.set_xlabel("P  [W]")
-    return figure
+        start, share = 100.0 * min(begin, left) / fuel, 100.0 * part.power_w / fuel
+        place = f"left:{start:.2f}%;width:{abs(share):.2f}%"
+        told = f"{part.power_w:.0f} W · {share:.1f} %"
+        rows.append(
+            f"<span>{html.escape(part.name)}</span><div><i "
+            f'style="{place};background:var(--{part.colour})"></i></div><output>{told}</output>'
+        )
+        left = part.power_w if part.remains else begin
+    return (
+        "<figure><figcaption><b>Power from the fuel to the terminals, share of the fuel</b>"
+        f'</figcaption><div class="bars">{"".join(rows)}</div></figure>'
+    )

@@ -1,7 +1,8 @@
-"""Curves for the report: a window of the motion at full rate, and what changes once a stroke."""
+"""Curves for the report: signals with their windows at full rate, and what changes seldom."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from bench.judge.figures import RunData, main_instant
 from bench.judge.punctuality import earliest_ns
 from bench.judge.strokes import Floats
+from bench.report.envelope import Trace, Window, gather, merged
+from bench.report.lines import Pulse, Stretch, machine_modes, operating_modes, read_pulses
 from bench.run.directory import RunFiles
 from hil import log as logs
 from hil.log import Log
@@ -18,6 +21,10 @@ _BEFORE_S, _AFTER_S = 0.10, 0.45
 _START_S = 1.2
 _PROFILE_BINS = 400
 _MAX_STEPS = 20_000
+
+TRUTH = ("x_m", "v_m_s")
+SENSED = ("p_left_pa", "p_right_pa", "electric_power_w")
+ORDERED = ("force_n", "throttle")
 
 
 class Steps(NamedTuple):
@@ -36,19 +43,27 @@ class Profile(NamedTuple):
 
 
 class Traces(NamedTuple):
-    """What the pictures show; `strokes` are the rows of /stroke."""
+    """What the pictures show; `strokes` are the rows of /stroke, `signals` has TRUTH and so on."""
 
     window_s: tuple[float, float]
-    t_s: Floats
-    x_m: Floats
-    v_m_s: Floats
+    end_s: float
+    signals: dict[str, Trace]
     load: Steps
     strokes: NDArray[Any]
+    pulses: list[Pulse]
+    operating: list[Stretch]
+    machine: list[Stretch]
     lateness: dict[str, Profile]
+
+    def within(self, name: str, window_s: tuple[float, float]) -> tuple[Floats, Floats]:
+        """Return times and values of a signal in a window that is there at full rate."""
+        t_s, y = self.signals[name].t_s, self.signals[name].y
+        shown = (t_s >= window_s[0]) & (t_s <= window_s[1]) & np.isfinite(y)
+        return t_s[shown], y[shown]
 
 
 def window_of(data: RunData) -> tuple[float, float]:
-    """Choose the part of the run that is shown at full rate: about its event."""
+    """Choose the part of the run that the overview shows: about its event."""
     end_s = data.truth.end_ns * 1e-9
     instant = main_instant(data)
     if data.scenario.begins == "at-rest":
@@ -58,39 +73,64 @@ def window_of(data: RunData) -> tuple[float, float]:
     return max(middle - _BEFORE_S, 0.0), min(middle + _AFTER_S, end_s)
 
 
+def _wanted(data: RunData, end_ns: int) -> Iterator[Window]:
+    """Windows at full rate, the most important first: events, what went wrong, both ends."""
+
+    def about(t_ns: int) -> Window:
+        return t_ns - round(_BEFORE_S * 1e9), t_ns + round(_AFTER_S * 1e9)
+
+    low_s, high_s = window_of(data)
+    yield round(low_s * 1e9), round(high_s * 1e9)
+    yield from (about(i.t_ns) for i in data.instants if i.t_ns is not None)
+    last = -1
+    for line in data.happenings.lines:
+        notable = line.severity != "info" or line.code.startswith(("mode ", "misfire"))
+        if notable and line.t_ns > last:
+            yield about(line.t_ns)
+            last = line.t_ns + round(_AFTER_S * 1e9)
+    yield about(0)
+    yield about(end_ns)
+
+
 def read_traces(data: RunData, files: RunFiles) -> Traces:
-    """Gather the curves in one pass over each log."""
-    window = window_of(data)
+    """Gather the curves in one pass over each log and topic."""
     with logs.open(files.plant_log) as plant, logs.open(files.controller_log) as controller:
-        rows, load = _read_truth(plant, window)
+        end_ns = max(plant.end_ns, 1)
+        windows = merged(_wanted(data, end_ns), end_ns, data.scenario.loop.period_ns)
+        signals = gather(plant, "/truth", TRUTH, windows)
+        signals |= gather(plant, "/sensor", SENSED, windows)
+        signals |= gather(plant, "/actuator", ORDERED, windows)
         lateness = {}
         if data.scenario.loop.clock == "realtime":
             lateness = {
                 "plant": _read_lateness(plant, sample_driven=False),
                 "controller": _read_lateness(controller, sample_driven=True),
             }
-        strokes = controller.array("/stroke")
-    t_s = rows["t_ns"] * 1e-9
-    return Traces(window, t_s, rows["x_m"], rows["v_m_s"], load, strokes, lateness)
+        return Traces(
+            window_of(data),
+            end_ns * 1e-9,
+            signals,
+            _read_load(plant),
+            controller.array("/stroke"),
+            read_pulses(plant, windows) if "/actuator" in plant.topics else [],
+            operating_modes(data.first_mode, data.happenings, end_ns * 1e-9),
+            machine_modes(plant, end_ns * 1e-9) if "/actuator" in plant.topics else [],
+            lateness,
+        )
 
 
-def _read_truth(plant: Log, window: tuple[float, float]) -> tuple[NDArray[Any], Steps]:
-    """Return the rows inside the window, and every change of the load."""
-    low, high = round(window[0] * 1e9), round(window[1] * 1e9)
-    rows: list[NDArray[Any]] = []
+def _read_load(plant: Log) -> Steps:
+    """Return every change of the load."""
     changes: list[Floats] = []
     last, end_s = np.nan, 0.0
     for block in plant.blocks("/truth"):
-        t_ns = block["t_ns"]
-        rows.append(block[(t_ns >= low) & (t_ns <= high)])
         value = block["load_coefficient_n_s_m"]
         new = np.diff(value, prepend=last) != 0.0
         if len(changes) < _MAX_STEPS:
-            changes.append(np.stack([t_ns[new] * 1e-9, value[new]]))
-        last = value[-1]
-        end_s = t_ns[-1] * 1e-9
+            changes.append(np.stack([block["t_ns"][new] * 1e-9, value[new]]))
+        last, end_s = value[-1], block["t_ns"][-1] * 1e-9
     t_s, values = np.concatenate(changes, axis=1)
-    return np.concatenate(rows), Steps(np.append(t_s, end_s), np.append(values, last))
+    return Steps(np.append(t_s, end_s), np.append(values, last))
 
 
 def _read_lateness(log: Log, *, sample_driven: bool) -> Profile:

@@ -66,8 +66,8 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
 
     Raises: HilError with the line that the user is told
     """
-    if options.report and find_spec("matplotlib") is None:
-        raise MissingExtraError("matplotlib", "desk", "the report (or give --no-report: it)")
+    if options.report and find_spec("uplot") is None:
+        raise MissingExtraError("uplot-python", "desk", "the report (or give --no-report: it)")
     frames = None
     if options.can_log is not None:
         frames = can_log.output_of(options.can_log, force=options.force)

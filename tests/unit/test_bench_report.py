@@ -1,7 +1,9 @@
+import json
 import re
 
 import pytest
 from bench_logs import Made, alternating, make_run
+from web_sheets import unpacked
 
 from bench.judge.figures import read_run
 from bench.judge.summary import summarise
@@ -11,10 +13,17 @@ from bench.run.resolve import resolve
 from hil.errors import ConfigError, LogError
 from hil.files import Output
 
-pytest.importorskip("matplotlib")
+pytest.importorskip("matplotlib", reason="needs the extra desk")
+pytest.importorskip("uplot", reason="needs the extra desk")
 
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
+
+
+def sheet_of(text):
+    """The plots and arrays of a page."""
+    found = re.search(r'<script type="application/json" id="sheet">(.*?)</script>', text, re.DOTALL)
+    return json.loads(found[1])
 
 
 @pytest.fixture(scope="module")
@@ -29,19 +38,38 @@ def page(tmp_path_factory):
 
 def test_the_report_needs_nothing_but_itself(page):
     text = page.report.read_text()
-    fetched = re.findall(r"""(?:src|href)\s*=\s*["']([^"'#][^"']*)""", text)
-    assert [url for url in fetched if not url.startswith("#")] == []
-    assert "@import" not in text
-    assert "url(http" not in text
-    assert "<script" not in text
+    assert re.findall(r"""<[^>]*\s(?:src|href)\s*=\s*["']([^"'#][^"']*)""", text) == []
+    for fetching in ("@import", "url(", "fetch(", "XMLHttpRequest", "WebSocket"):
+        assert fetching not in text
 
 
 def test_the_report_shows_pictures_verdict_and_configuration(page):
     text = page.report.read_text()
-    assert text.count("<svg") == 8
+    drawn = [plot["title"] for plot in sheet_of(text)["plots"]]
+    assert drawn[:3] == [
+        "Piston position, pulses and modes",
+        "Top dead centre of every stroke, from mid-stroke",
+        "TDC error after load",
+    ]
+    assert text.count("<figure data-plot=") == len(drawn) == 13
     assert "expectations met" in text
     assert "settled after 90.0 ms" in text
     assert "at_stroke_fraction" in text
+
+
+def test_no_two_figures_of_a_page_have_the_same_name(page):
+    names = re.findall(r'class="tile"><span>([^<]*)<', page.report.read_text())
+    assert len(names) == len(set(names)) > 5
+
+
+def test_every_stroke_is_in_the_report_and_left_is_no_right(page):
+    sheet = sheet_of(page.report.read_text())
+    plot = next(p for p in sheet["plots"] if p["title"].startswith("Top dead centre"))
+    named = {series["label"]: series for series in plot["series"]}
+    left, right = named["left"], named["right"]
+    assert len(unpacked(sheet, left["y"])) + len(unpacked(sheet, right["y"])) == len(RESPONSE)
+    assert unpacked(sheet, right["y"])[5] == pytest.approx(15.5 + 1.9, abs=1e-4)
+    assert (left["colour"], left["shape"]) != (right["colour"], right["shape"])
 
 
 def test_what_a_log_says_is_text_and_never_markup(page):

@@ -176,7 +176,7 @@ def test_a_law_is_a_row_and_nothing_else(monkeypatch):
     assert course.mode == "generating"
     assert course.dead_centres[-1].fuel_kg == pytest.approx(1.01 * POINT.fuel_kg, rel=0.02)
     assert laws_of(None)[-1] == "mine"
-    assert compare_page.colour_of("mine").startswith("#")
+    assert compare_page.colour_of("mine").startswith("law")
 
 
 @pytest.mark.parametrize("events", [{}, {"to": {"kind": "law", "law": "none-such", "at_s": 0.1}}])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench.studies.campaign import config, table
+from bench.studies.campaign import config, page, table
 from bench.studies.campaign import execution as campaigns
 from hil.errors import ConfigError, MissingExtraError
 from hil.files import Output
@@ -38,11 +38,10 @@ def run(
     text = table.table(campaign, rows)
     Output("--out", directory / "table.md", force=True).write(text)
     table.write_worst(campaign, rows, directory / "worst")
-    if find_spec("matplotlib") is not None:
-        picture = table.draw_distributions(campaign, rows)
-        Output("--out", directory / "distributions.svg", force=True).write(picture)
+    if find_spec("uplot") is not None:
+        page.write_page(campaign, rows, Output("--out", directory / "campaign.html", force=True))
     console.print(text, soft_wrap=True, markup=False)
-    console.print(f"{file}, table.md, distributions.svg and worst/ beside it")
+    console.print(f"{file}, table.md, campaign.html and worst/ beside it")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 DIR/campaign.json      what is run; another campaign does not go into the same directory
 DIR/parts/*.parquet    finished parts, each written whole or not at all
-DIR/results.parquet    all of them, by run; DIR/table.md; DIR/distributions.svg; DIR/worst/*.toml
+DIR/results.parquet    all of them, by run; DIR/table.md; DIR/campaign.html; DIR/worst/*.toml
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PART, MOST_PARTS = 20, 1000
 _LOOKS, _LOOK_S = 8, 0.05
 """After an interrupt, for workers that are coming up."""
 
-RESULTS = ("results.parquet", "table.md", "distributions.svg")
+RESULTS = ("results.parquet", "table.md", "campaign.html")
 """What is written anew each time that a campaign goes on in its directory, and in no other."""
 
 

@@ -1,4 +1,4 @@
-"""What a campaign came to: a table of distributions, the worst runs by name, and their pictures."""
+"""What a campaign came to: a table of distributions, and the worst runs by name."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from bench.studies.campaign.config import Campaign, draw, tree_of
 from bench.studies.campaign.run import Row
@@ -23,6 +21,10 @@ FIGURES = (
     ("sigma_mm", "sigma", "{:.3f}"),
     ("fuel_sigma_mg", "fuel sigma", "{:.3f}"),
 )
+HEAD = (
+    "law", "runs", "lost", "with contact", "misfires (forced)", "unsettled",
+    *(f"{title} [{key.rsplit('_', 1)[1]}]" for key, title, _ in FIGURES),
+)  # fmt: skip
 QUANTILES = (50, 95, 100)
 
 COLUMNS = (
@@ -31,7 +33,7 @@ COLUMNS = (
 )  # fmt: skip
 """All that table and pictures are made of."""
 
-_LEGEND = (
+LEGEND = (
     "Distributions: median / 95 % / worst of the runs that were not lost. Settling: `band` to"
     " max(0.1 mm, 3 sigma), `mean` of ten strokes to 0.1 mm; `unsettled`: runs not lost whose mean"
     " of ten never is inside."
@@ -40,18 +42,20 @@ _LEGEND = (
 
 def table(campaign: Campaign, rows: Sequence[Row]) -> str:
     """The table in Markdown: a line a law, distributions as median / 95 % / worst."""
-    head = ["law", "runs", "lost", "with contact", "misfires (forced)", "unsettled"]
-    head += [f"{title} [{key.rsplit('_', 1)[1]}]" for key, title, _ in FIGURES]
-    lines = [f"# {campaign.name}: {len(rows)} runs of {campaign.duration_s:g} s, seed"
-             f" {campaign.seed}", "", _line(head), _line(["---"] * len(head))]  # fmt: skip
-    lines += [_line(_cells(law, _of(rows, law))) for law in campaign.controllers]
-    lines += ["", _LEGEND, "", "## Worst runs", ""]
-    lines += [_named(law, row, why) for law in campaign.controllers
-              for row, why in worst(_of(rows, law))]  # fmt: skip
+    lines = [f"# {title(campaign, rows)}", "", _line(HEAD), _line(["---"] * len(HEAD))]
+    lines += [_line(cells(law, of_law(rows, law))) for law in campaign.controllers]
+    lines += ["", LEGEND, "", "## Worst runs", ""]
+    lines += [f"- {told}: `{command}`" for told, command in worst_runs(campaign, rows)]
     return "\n".join(lines) + "\n"
 
 
-def _of(rows: Sequence[Row], law: str) -> list[Row]:
+def title(campaign: Campaign, rows: Sequence[Row]) -> str:
+    """Name, size and seed of a campaign."""
+    return f"{campaign.name}: {len(rows)} runs of {campaign.duration_s:g} s, seed {campaign.seed}"
+
+
+def of_law(rows: Sequence[Row], law: str) -> list[Row]:
+    """The runs of one law."""
     return [row for row in rows if row["set_controller"] == law]
 
 
@@ -59,16 +63,17 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _cells(law: str, rows: list[Row]) -> list[str]:
+def cells(law: str, rows: list[Row]) -> list[str]:
+    """A row of the table."""
     kept = [row for row in rows if not row["lost"]]
     unsettled = sum(1 for row in kept if math.isinf(row["settling_mean_ms"]))
-    cells = [
+    counts = [
         law, str(len(rows)), str(len(rows) - len(kept)),
         str(sum(1 for row in rows if row["contacts"])),
         f"{sum(r['misfires'] for r in rows)} ({sum(r['forced_misfires'] for r in rows)})",
         str(unsettled),
     ]  # fmt: skip
-    return cells + [_spread([row[key] for row in kept], style) for key, _, style in FIGURES]
+    return counts + [_spread([row[key] for row in kept], style) for key, _, style in FIGURES]
 
 
 def _spread(values: list[float], style: str) -> str:
@@ -100,19 +105,26 @@ def worst(rows: list[Row]) -> list[tuple[Row, str]]:
     return list(chosen.values())
 
 
-def _named(law: str, row: Row, why: str) -> str:
+def worst_runs(campaign: Campaign, rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """What each of the worst runs did, and the command that runs it again."""
+    return [_named(law, row, why) for law in campaign.controllers
+            for row, why in worst(of_law(rows, law))]  # fmt: skip
+
+
+def _named(law: str, row: Row, why: str) -> tuple[str, str]:
     figure = "lost: " + (row["note"] or row["mode"])
     if why != "lost":
         unit = why.rsplit("_", 1)[1]
         figure = f"{why.rsplit('_', 1)[0].replace('_', ' ')} {_shown(row[why], '{:.4g}')} {unit}"
-    return f"- {law}, run {row['run']} ({figure}): `hil run worst/{row['run']:06d}.toml --force`"
+    number = row["run"]
+    return f"{law}, run {number} ({figure})", f"hil run worst/{number:06d}.toml --force"
 
 
 def write_worst(campaign: Campaign, rows: Sequence[Row], directory: Path) -> None:
     """Write each worst run as a scenario that `hil run` takes."""
     directory.mkdir(exist_ok=True)
     for law in campaign.controllers:
-        for row, _ in worst(_of(rows, law)):
+        for row, _ in worst(of_law(rows, law)):
             tree = tree_of(campaign, draw(campaign, row["run"]))
             tree["name"] = f"{campaign.name}-{row['run']:06d}"
             tree.setdefault("link", {})["kind"] = "memory"
@@ -146,28 +158,3 @@ def _literal(value: Any) -> str:  # noqa: ANN401
         return "[" + ", ".join(map(_literal, value)) + "]"
     text = str(value).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{text}"'
-
-
-def draw_distributions(campaign: Campaign, rows: Sequence[Row]) -> str:
-    """Cumulative distributions of peak, settling and scatter, a line a law; as SVG."""
-    from bench.report.style import WIDE, canvas, style, svg
-
-    titles = {
-        "peak_mm": "Peak TDC error  [mm]",
-        "settling_mean_ms": "Settling of the mean of ten strokes  [ms]",
-        "sigma_mm": "Scatter before the disturbance  [mm]",
-    }
-    with style():
-        figure, panels = canvas(WIDE, 8.4, rows=3)
-        for axes, (key, title) in zip(panels, titles.items(), strict=True):
-            for law in campaign.controllers:
-                values = [r[key] for r in _of(rows, law) if not math.isnan(r[key])]
-                known = np.sort([v for v in values if math.isfinite(v)])
-                share = np.arange(1, len(known) + 1) / max(len(values), 1)
-                axes.step(known, share, where="post", label=law)
-            axes.set_xlabel(title)
-            axes.set_ylabel("share of runs")
-            axes.set_ylim(0.0, 1.02)
-        panels[0].set_title(f"{campaign.name}: {len(rows)} runs")
-        panels[0].legend(loc="lower right")
-        return svg(figure, transparent=False)
