@@ -62,7 +62,11 @@ def root(
 @app.command()
 def run(
     scenario: Annotated[
-        str, typer.Argument(help="Name (see `hil scenarios`) or a path to a .toml file.")
+        list[str],
+        typer.Argument(
+            metavar="SCENARIO...",
+            help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE.",
+        ),
     ],
     *,
     link: LinkOption = None,
@@ -83,14 +87,19 @@ def run(
     can_log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
     ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
 ) -> None:
-    """Run a scenario: plant and controller, logs, verdict, report.
+    """Run scenarios: plant and controller, logs, verdict, report; several, or all cases of a file.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
     3: a fault at run time; 4: no verdict, an order was refused or the machine spoilt the run.
     """
     from bench.run import commands
+    from bench.suite import commands as suite
 
     flags = {
         "link.kind": link,
@@ -103,7 +112,9 @@ def run(
     }
     changes = commands.overrides(flags, assignments or [])
     options = commands.RunOptions(out, not no_report, force, can_log)
-    raise typer.Exit(commands.run(scenario, changes, options))
+    if suite.is_suite(scenario, junit=junit, as_json=as_json):
+        raise typer.Exit(suite.run(scenario, changes, suite.of(options, junit, as_json=as_json)))
+    raise typer.Exit(commands.run(scenario[0], changes, options))
 
 
 @app.command()
