@@ -9,10 +9,11 @@ from hil.errors import MissingExtraError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bench.api.result import Run
+    from bench.judge.strokes import Strokes
+    from bench.judge.traces import Trace
 
 
-def overview(run: Run) -> Figure:
+def overview(title: str, x_m: Trace, centres: Strokes) -> Figure:
     """Draw the piston, every dead centre with its set point, and the fuel, one above the other.
 
     Raises: MissingExtraError without matplotlib
@@ -23,8 +24,7 @@ def overview(run: Run) -> Figure:
         raise MissingExtraError("matplotlib", "desk", "a picture") from None
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     position, centre, fuel = figure.subplots(3, 1, sharex=True)
-    centres = run.dead_centre
-    position.plot(run.truth.t_s, run.truth.x_m * 1e3, linewidth=0.5)
+    position.plot(x_m.t_ns * 1e-9, x_m.value * 1e3, linewidth=0.5)
     position.set_ylabel("position in mm")
     centre.plot(centres.t_s, centres.tdc_m * 1e3, ".", markersize=3)
     centre.plot(centres.t_s, centres.tdc_ref_m * 1e3, linewidth=1.0)
@@ -32,5 +32,5 @@ def overview(run: Run) -> Figure:
     fuel.plot(centres.t_s, centres.fuel_kg * 1e6, ".", markersize=3)
     fuel.set_ylabel("fuel in mg")
     fuel.set_xlabel("time in s")
-    figure.suptitle(f"{run.scenario.name}: {run.verdict}")
+    figure.suptitle(title)
     return figure

@@ -200,4 +200,5 @@ class Run:
         """Draw piston, dead centres and fuel over time; needs the extra `desk`."""
         from bench.api.picture import overview
 
-        return overview(self)
+        title = f"{self.scenario.name}: {self.verdict}"
+        return overview(title, self.signal("plant.truth.x_m"), self.dead_centre)

@@ -59,15 +59,18 @@ def root(
     """Hardware-in-the-loop bench for a free-piston engine generator."""
 
 
+SizeOption = typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
+RetainOption = typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
+CanLogOption = typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
+JunitOption = typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
+ScenarioArgument = typer.Argument(
+    metavar="SCENARIO", help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE."
+)
+
+
 @app.command()
 def run(
-    scenario: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SCENARIO...",
-            help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE.",
-        ),
-    ],
+    scenario: Annotated[list[str], ScenarioArgument],
     *,
     link: LinkOption = None,
     bus: BusOption = None,
@@ -78,18 +81,10 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Directory of logs, summary and report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
-    log_segment: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
-    ] = None,
-    log_retain: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
-    ] = None,
-    can_log: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
-    ] = None,
+    log_segment: Annotated[str | None, SizeOption] = None,
+    log_retain: Annotated[str | None, RetainOption] = None,
+    can_log: Annotated[Path | None, CanLogOption] = None,
+    junit: Annotated[Path | None, JunitOption] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
 ) -> None:
@@ -102,14 +97,10 @@ def run(
     from bench.suite import commands as suite
 
     flags = {
-        "link.kind": link,
-        "link.bus": bus,
-        "loop.clock": clock,
-        "plant.model": model,
-        "controller.name": controller,
-        "run.seed": seed,
+        "link.kind": link, "link.bus": bus, "loop.clock": clock, "plant.model": model,
+        "controller.name": controller, "run.seed": seed,
         **commands.log_flags(log_segment, log_retain),
-    }
+    }  # fmt: skip
     changes = commands.overrides(flags, assignments or [])
     options = commands.RunOptions(out, not no_report, force, can_log)
     if suite.is_suite(scenario, junit=junit, as_json=as_json):
