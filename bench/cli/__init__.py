@@ -10,6 +10,7 @@ import typer
 
 from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
+from bench.cli import scenario as scenario_cli
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Arguments, Assignments, Force
@@ -200,6 +201,7 @@ studies.register(app)
 bus_cli.register(app)
 engine.register(app)
 fmu.register(app)
+scenario_cli.register(app)
 
 
 def _tell_of_edits() -> None:
