@@ -19,6 +19,7 @@ from drivers.gpio.link import open_outputs, with_outputs
 from drivers.links import Connection, open_link
 from drivers.system.clock import SystemClock
 from drivers.system.effort import Effort
+from drivers.system.log import open_recorder
 from drivers.system.process import (
     Stop,
     brake,
@@ -26,7 +27,6 @@ from drivers.system.process import (
     last_words,
     note_granted,
     noting,
-    open_recorder,
     read_arguments,
 )
 from drivers.system.realtime import pin, prepare

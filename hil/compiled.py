@@ -34,7 +34,7 @@ PATTERNS: Final = (
     "hil/wire/messages.py", "hil/wire/frames/*.py", "hil/wire/stream.py", "hil/wire/codec.py",
     "hil/wire/e2e.py", "hil/wire/pulses.py",
     "hil/log/packing.py", "hil/pacing.py", "hil/exchange.py", "hil/values.py", "hil/roots.py",
-    "hil/rounding.py", "hil/ports.py",
+    "hil/rounding.py", "hil/ports.py", "hil/randoms.py",
     "plant/*.py", "plant/rig/*.py", "plant/engines/*.py", "plant/engines/*/model.py",
     "plant/engines/fast/*.py", "controller/**/*.py",
     "drivers/memory_link.py", "drivers/recorder/ring.py", "drivers/recorder/index.py",

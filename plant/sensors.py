@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import final
 
+from hil.randoms import SENSOR, normal_pair
 from hil.values import Value
 from hil.wire.commands import TimedCommand
 from plant.engines.protocol import Sensed
 from plant.rig.params import PlantParams
-from plant.rig.randoms import SENSOR, normal_pair
 from plant.rig.state import PlantState
 
 

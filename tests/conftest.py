@@ -7,6 +7,8 @@ import pytest
 COMPILED = os.environ.get("HIL_TEST_COMPILED")
 os.environ["HIL_COMPILED"] = COMPILED or "off"
 
+pytest_plugins = ["bench.suite.plugin", "pytester"]  # ours imports hil, so it comes after the above
+
 
 def pytest_configure():
     """See that the loops are those that were asked for: an edited source would be interpreted."""

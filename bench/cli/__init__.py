@@ -10,6 +10,7 @@ import typer
 
 from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, studies
+from bench.cli import scenario as scenario_cli
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Arguments, Assignments, Force
@@ -59,11 +60,18 @@ def root(
     """Hardware-in-the-loop bench for a free-piston engine generator."""
 
 
+SizeOption = typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
+RetainOption = typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
+CanLogOption = typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
+JunitOption = typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
+ScenarioArgument = typer.Argument(
+    metavar="SCENARIO", help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE."
+)
+
+
 @app.command()
 def run(
-    scenario: Annotated[
-        str, typer.Argument(help="Name (see `hil scenarios`) or a path to a .toml file.")
-    ],
+    scenario: Annotated[list[str], ScenarioArgument],
     *,
     link: LinkOption = None,
     bus: BusOption = None,
@@ -74,36 +82,31 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Directory of logs, summary and report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
-    log_segment: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
-    ] = None,
-    log_retain: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
-    ] = None,
-    can_log: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
-    ] = None,
+    log_segment: Annotated[str | None, SizeOption] = None,
+    log_retain: Annotated[str | None, RetainOption] = None,
+    can_log: Annotated[Path | None, CanLogOption] = None,
+    junit: Annotated[Path | None, JunitOption] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
 ) -> None:
-    """Run a scenario: plant and controller, logs, verdict, report.
+    """Run scenarios: plant and controller, logs, verdict, report; several, or all cases of a file.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
     3: a fault at run time; 4: no verdict, an order was refused or the machine spoilt the run.
     """
     from bench.run import commands
+    from bench.suite import commands as suite
 
     flags = {
-        "link.kind": link,
-        "link.bus": bus,
-        "loop.clock": clock,
-        "plant.model": model,
-        "controller.name": controller,
-        "run.seed": seed,
+        "link.kind": link, "link.bus": bus, "loop.clock": clock, "plant.model": model,
+        "controller.name": controller, "run.seed": seed,
         **commands.log_flags(log_segment, log_retain),
-    }
+    }  # fmt: skip
     changes = commands.overrides(flags, assignments or [])
     options = commands.RunOptions(out, not no_report, force, can_log)
-    raise typer.Exit(commands.run(scenario, changes, options))
+    if suite.is_suite(scenario, junit=junit, as_json=as_json):
+        raise typer.Exit(suite.run(scenario, changes, suite.of(options, junit, as_json=as_json)))
+    raise typer.Exit(commands.run(scenario[0], changes, options))
 
 
 @app.command()
@@ -198,6 +201,7 @@ studies.register(app)
 bus_cli.register(app)
 engine.register(app)
 fmu.register(app)
+scenario_cli.register(app)
 
 
 def _tell_of_edits() -> None:

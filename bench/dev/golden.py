@@ -6,7 +6,7 @@ anew, prints by how much every signal differs from what was recorded, and replac
 
 from __future__ import annotations
 
-import contextlib
+import math
 import shutil
 import tempfile
 from collections.abc import Iterable
@@ -14,16 +14,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-import controller.build
-import plant.build
 from bench.dev.golden_cases import CASES, Order, scenario_for
 from bench.logs.diff import Comparison, compare
 from bench.logs.replay.replay import replay_file
 from bench.run import directory as outdir
-from bench.run import offline
-from drivers.channels import MemoryCommands
-from drivers.links import Connection, open_memory
-from drivers.system.process import open_recorder
+from bench.run.memory.pair import Pair
 from hil import log as logs
 from hil.config.resolved import Resolved
 from hil.errors import LogError
@@ -72,28 +67,12 @@ def update(directory: Path) -> int:
 
 def record(scenario: Resolved, out: Path, orders: Iterable[Order] = ()) -> None:
     """Run a scenario in memory and lockstep, with both logs; both sides hear the orders."""
-    with contextlib.ExitStack() as stack:
-        recorders = {}
-        for name in PROCESSES:
-            recorders[name] = open_recorder(out / f"{name}.mcap", scenario, name)
-            stack.callback(recorders[name].close)
-        plant_end, controller_end = open_memory()
-        loop = plant.build.make_loop(scenario, plant_end, recorders["plant"])
-        mind = controller.build.make_loop(scenario, controller_end, recorders["controller"])
-        offline.join(plant_end.link, controller_end.link, mind)
-        waiting = sorted(orders, key=lambda order: order.at_s, reverse=True)
-        tick, ticks = 0, scenario.ticks
-        while tick < ticks:
-            while waiting and waiting[-1].at_s * scenario.loop.rate_hz <= tick:
-                _give(waiting.pop(), (plant_end, controller_end))
-            tick = loop.turn(tick)
-
-
-def _give(order: Order, ends: tuple[Connection, ...]) -> None:
-    """Put an order on the command key, which plant and controller read both."""
-    for end in ends:
-        assert isinstance(end.commands, MemoryCommands)
-        end.commands.submit(ORIGIN, order.command)
+    waiting = sorted(orders, key=lambda order: order.at_s)
+    with Pair(scenario, out) as pair:
+        for order in waiting:
+            pair.advance(max(math.ceil(order.at_s * scenario.loop.rate_hz) - pair.tick, 0))
+            pair.order(order.command, ORIGIN)
+        pair.advance(scenario.ticks - pair.tick)
 
 
 def _replace(console: Console, new: Path, directory: Path) -> None:

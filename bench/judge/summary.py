@@ -13,7 +13,7 @@ from bench.judge.checks import judge
 from bench.judge.figures import RunData, event_figures, figures
 from bench.judge.verdict import Verdict, conclude, refusals
 from bench.run.directory import RunFiles
-from drivers.system.process import versions
+from drivers.system.log import versions
 from hil.config.resolved import Resolved
 from hil.errors import PEER_LOST, BlockedError, LogError
 from hil.files import Output

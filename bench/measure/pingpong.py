@@ -21,7 +21,8 @@ from typing import Final
 
 from drivers.links import open_link
 from drivers.system.clock import SystemClock
-from drivers.system.process import Stop, guarded, open_recorder
+from drivers.system.log import open_recorder
+from drivers.system.process import Stop, guarded
 from drivers.system.realtime import pin, prepare
 from hil.config.resolved import Resolved, read_resolved
 from hil.pacing import Pacer, RealTimePacer, Slot

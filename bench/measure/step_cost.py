@@ -22,7 +22,7 @@ from bench.run.resolve import resolve
 from controller.motion.laws import LAWS
 from drivers.links import open_memory
 from drivers.recorder.client import NullRecorder
-from drivers.system.process import open_recorder
+from drivers.system.log import open_recorder
 from drivers.system.realtime import prepare
 from hil import compiled
 from hil.config.resolved import Resolved

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,20 +10,19 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from bench import streams
+from bench.api.judgement import conclude, told_of, write_report
 from bench.bus import can_log, commands
 from bench.judge import summary
-from bench.judge.figures import RunData, read_run
-from bench.logs.mending import mend
+from bench.judge.figures import read_run
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
-from bench.run.directory import RunFiles
-from bench.run.execution import Ended, execute, resolved
+from bench.run.execution import execute, resolved
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
 from hil.config.load import parse_assignment, read_scenario
-from hil.config.resolved import Resolved, read_resolved
-from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError, RunError
+from hil.config.resolved import read_resolved
+from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError
 from hil.files import Output
 
 
@@ -75,12 +72,12 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
         streams.outlive()
-        with _told_of(files), view_for(scenario, console) as view:
+        with told_of(files), view_for(scenario, console) as view:
             ended = execute(scenario, files, view)
     if isinstance(ended.error, ConfigError):
         raise ended.error
-    with _told_of(files):
-        told = _conclude(scenario, ended, files, report=options.report)
+    with told_of(files):
+        told = conclude(scenario, ended, files, report=options.report)
     if frames is not None and files.plant_log.exists():
         commands.write_can_log(frames, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
@@ -92,81 +89,6 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
         if "bus" in told["run"]:
             console.print(commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
     return int(told["exit_code"])
-
-
-@contextmanager
-def _told_of(files: RunFiles) -> Iterator[None]:
-    """A file that cannot be written once the run has begun is no mistake of the user's.
-
-    Raises: RunError
-    """
-    try:
-        yield
-    except OSError as error:
-        where = error.filename or files.directory
-        raise RunError(f"{where}: {error.strerror or error}; logs: {files.directory}") from None
-    except ConfigError as error:  # of an output file of ours: its place was right at the start
-        _, place, why = str(error).partition(str(files.directory))
-        if not place:
-            raise
-        raise RunError(f"{place}{why}; logs: {files.directory}") from None
-
-
-def _conclude(
-    scenario: Resolved, ended: Ended, files: RunFiles, *, report: bool
-) -> summary.Summary:
-    """Judge the logs, write summary and report; a fault leaves as much of both as there is."""
-    facts: dict[str, Any] = {
-        "started": ended.started,
-        "wall_total_s": ended.wall_s,
-        "directory": str(files.directory),
-        "processes": ended.processes,
-    }
-    if ended.error is not None:
-        facts |= {"error": str(ended.error), "exit_code": ended.exit_code}
-    for log in (files.plant_log, files.controller_log):
-        mend(log)
-    if isinstance(ended.error, InterruptedRunError):  # judging may take longer than a user waits
-        told = summary.summarise_fault(scenario, facts)
-        summary.write(told, files.summary)
-        return told
-    try:
-        data = read_run(scenario, files)
-    except LogError as error:
-        facts = {"error": str(error), "exit_code": RunError.exit_code} | facts
-        told = summary.summarise_fault(scenario, facts)
-        summary.write(told, files.summary)
-        return told
-    if ended.error is None:
-        facts |= _cut_short(data)
-    if scenario.link.kind == "can":
-        facts["bus"] = commands.figures(scenario, files)
-    told = summary.summarise(data, facts)
-    summary.write(told, files.summary)
-    if report and len(data.strokes.t_ns):
-        _write_report(data, told, files)
-    return told
-
-
-def _cut_short(data: RunData) -> dict[str, Any]:
-    """A run that was ended from outside is no run that met its expectations."""
-    wanted = round(data.scenario.run.duration_s * data.scenario.loop.rate_hz)
-    ticks = data.truth.ticks
-    if data.scenario.log.retain_bytes is not None:  # earlier ticks may be gone, and on purpose
-        ticks = round(data.truth.end_ns * 1e-9 * data.scenario.loop.rate_hz) + 1
-    if ticks >= wanted:
-        return {}
-    line = f"the plant's log ends after {ticks} of {wanted} ticks"
-    if "plant" in data.recorders:
-        missing = data.recorders["plant"]["missing"]
-        line = f"the plant's log lacks {wanted - ticks} of {wanted} ticks: {missing}"
-    return {"error": line, "exit_code": RunError.exit_code}
-
-
-def _write_report(data: RunData, told: summary.Summary, files: RunFiles) -> None:
-    from bench.report.document import write_report
-
-    write_report(data, told, files)
 
 
 def report(directory: Path, picture: Path | None, *, force: bool = False) -> int:
@@ -181,7 +103,7 @@ def report(directory: Path, picture: Path | None, *, force: bool = False) -> int
         raise LogError(f"{files.plant_log}: nothing to judge or draw: it has no rows of /truth")
     told = summary.summarise(data, summary.read_run_facts(files))
     summary.write(told, files.summary)
-    _write_report(data, told, files)
+    write_report(data, told, files)
     if drawn is not None:
         from bench.report.document import save_picture
 

@@ -66,6 +66,20 @@ class Newest:
         return found
 
 
+class Silent:
+    """Shows nothing: for a run that is a call of a program."""
+
+    def __enter__(self) -> View:
+        """Begin to show nothing."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave nothing."""
+
+    def update(self, status: Status) -> None:
+        """Take no notice."""
+
+
 class PlainView:
     """A few plain lines, for a pipe or a log file."""
 

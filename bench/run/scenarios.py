@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil import compiled
-from hil.config.load import load
+from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
+from hil.config.suite.cases import Case, cases_of, read_composed, table_cases
 from hil.errors import ConfigError
 
+_LONGEST_NAME, _MOST_SHOWN = 64, 12
 PACKAGED = compiled.root() / "bench" / "scenarios"
 
 
@@ -24,7 +27,7 @@ def find(name: str) -> Path:
 
     Raises: ConfigError when there is none
     """
-    if name.endswith(".toml"):
+    if name.endswith((".toml", ".csv")):
         path = Path(name)
         if not path.is_file():
             raise ConfigError(f"{name}: no such scenario file")
@@ -36,9 +39,61 @@ def find(name: str) -> Path:
     return known[name]
 
 
-def read(name: str, overrides: Iterable[tuple[str, Any]] = ()) -> Scenario:
-    """Read a scenario by name or path and apply overrides in their order.
+def read(name: str, overrides: Sequence[tuple[str, Any]] = ()) -> Scenario:
+    """Read a scenario by name or path, or FILE::CASE of many, and apply overrides in their order.
 
     Raises: ConfigError naming file, key and what is accepted
     """
-    return load(find(name), overrides)
+    found = read_cases(name)
+    only([one.case for one in found], name)
+    return found[0].scenario(overrides)
+
+
+class Found(NamedTuple):
+    """One of the scenarios that a name stands for.
+
+    label: as it is told and found again: NAME, FILE or FILE::CASE
+    """
+
+    label: str
+    origin: str
+    case: Case
+
+    def scenario(self, overrides: Sequence[tuple[str, Any]] = ()) -> Scenario:
+        """Make the scenario, with overrides in their order; a case adds its name to the file's.
+
+        Raises: ConfigError naming file, key and what is accepted
+        """
+        scenario = overridden(self.case, self.origin, overrides)
+        if not self.case.name:
+            return scenario
+        return scenario.model_copy(update={"name": _run_name(scenario.name, self.case.name)})
+
+
+def _run_name(name: str, case: str) -> str:
+    """What the run of a case is called: as a directory may be."""
+    plain = re.sub(r"[^a-z0-9]+", "-", f"{name}-{case}".lower()).strip("-")
+    return plain[:_LONGEST_NAME].rstrip("-")
+
+
+def read_cases(name: str) -> list[Found]:
+    """Return every scenario that a name or path stands for; FILE::CASE is one of them.
+
+    Raises: ConfigError naming file and key
+    """
+    file, _, wanted = name.partition("::")
+    path = find(file)
+    is_table = path.suffix == ".csv"
+    cases = table_cases(path, find) if is_table else cases_of(read_composed(path, find), path)
+    found = [Found(f"{file}::{c.name}" if c.name else file, str(path), c) for c in cases]
+    if not wanted:
+        return found
+    chosen = [one for one in found if one.case.name == wanted]
+    if not chosen:
+        raise ConfigError(f"{file}: no case {wanted!r}; accepted: {_named(found)}")
+    return chosen
+
+
+def _named(found: Sequence[Found]) -> str:
+    """The names of the nearest cases there are, or that there are none."""
+    return ", ".join(one.case.name for one in found[:_MOST_SHOWN] if one.case.name) or "none"

@@ -19,7 +19,8 @@ from drivers.links import Connection, open_memory
 from drivers.memory_link import MemoryLink, nothing
 from drivers.recorder.client import NullRecorder, Recorder
 from drivers.system.clock import SystemClock
-from drivers.system.process import Stop, brake, guarded, last_words, open_recorder
+from drivers.system.log import open_recorder
+from drivers.system.process import Stop, brake, guarded, last_words
 from drivers.system.realtime import prepare
 from hil.config.resolved import Resolved, read_resolved
 from plant.loop import PlantLoop

@@ -16,7 +16,7 @@ from bench.dev.markdown import table
 from bench.trust import damage, floods, kills, stops
 from bench.trust.attack import Attack, Field, Tally
 from bench.trust.victims import let_hear
-from drivers.system.process import git_hash
+from drivers.system.log import git_hash
 from hil.files import Output
 
 ALL: Final = (

@@ -121,10 +121,7 @@ class Recorder(ports.Recorder):
             "ring_bytes": ring_bytes,
             "chunk_bytes": min(CHUNK_BYTES, ring_bytes),
             "deferred": deferred,
-            **describe(topics),
-            "rotation": None if rotation is None else _rotation(path, rotation),
-            "metadata": {name: dict(values) for name, values in metadata.items()},
-            "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
+            **log_config(path, metadata, attachments, topics, rotation),
         }
         parts = joined(open_output(path), config, live=live)
         return cls(path, *parts, blocking=blocking, config=config, live=live)
@@ -266,6 +263,19 @@ class Recorder(ports.Recorder):
             raise RunError(f"log {self._path}: its recorder ended with {code}, repair the file")
         result: list[Any] = json.loads(answer)
         return result
+
+
+def log_config(
+    path: Path, metadata: Mapping[str, Mapping[str, str]], attachments: Sequence[Attachment],
+    topics: Sequence[Topic] = ALL, rotation: Rotation | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Describe a log to whoever writes it: topics, rotation, what stands at its head."""
+    return {
+        **describe(topics),
+        "rotation": None if rotation is None else _rotation(path, rotation),
+        "metadata": {name: dict(values) for name, values in metadata.items()},
+        "attachments": [(n, t, base64.b64encode(c).decode()) for n, t, c in attachments],
+    }
 
 
 def _rotation(path: Path, rotation: Rotation) -> dict[str, Any]:

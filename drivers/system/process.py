@@ -5,26 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import signal
-import socket
-import subprocess
 import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import FrameType, MappingProxyType
+from types import FrameType
 from typing import Any, Final, NamedTuple, TextIO
 
-from drivers.recorder import tap
-from drivers.recorder.client import RING_BYTES, NullRecorder, Recorder, Rotation
-from drivers.recorder.room import deferred_ring_bytes, ring_bytes
+from drivers.recorder.client import NullRecorder, Recorder
 from drivers.system import starter
-from drivers.zenoh.sockets import Side, guard_socket, records_socket
-from hil import compiled
-from hil.config.process import LogConfig
 from hil.config.resolved import Resolved, read_resolved
 from hil.errors import HilError, InterruptedRunError, RunError
 from hil.log import topics
@@ -32,9 +23,7 @@ from hil.log.records import MESSAGE_HEAD
 from hil.ports import Link
 from hil.ports import Recorder as PortRecorder
 
-_PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
 _BRAKING_S: Final = 0.5
-_DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
 
 
 class Arguments(NamedTuple):
@@ -54,75 +43,6 @@ def read_arguments(program: str, argv: list[str] | None = None) -> Arguments:
     parser.add_argument("--log", type=Path, help="MCAP file to write")
     given = parser.parse_args(argv)
     return Arguments(read_resolved(given.config), given.log)
-
-
-def open_recorder(
-    path: Path | None,
-    scenario: Resolved,
-    process: str,
-    more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
-    *,
-    live: bool = False,
-) -> Recorder | NullRecorder:
-    """Open the log of a process, with all that a replay needs in it.
-
-    Parameters: live : whether others may look on, see drivers/recorder/tap.py
-
-    Raises: ConfigError when it cannot be written, or its ring finds no room in the memory
-    """
-    if path is None:
-        return NullRecorder()
-    metadata = {
-        "run": {
-            "process": process,
-            "scenario": scenario.name,
-            "seed": str(scenario.run.seed),
-            "clock": scenario.loop.clock,
-            "link": scenario.link.kind,
-            "rate_hz": str(scenario.loop.rate_hz),
-            **({"recording": "deferred to the end"} if scenario.log.defer else {}),
-        },
-        "versions": versions(),
-        **more,
-    }
-    attachments = [("scenario.json", "application/json", scenario.model_dump_json().encode())]
-    if _DBC.exists():
-        attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
-    blocking = scenario.loop.clock == "lockstep"
-    return Recorder.open(
-        path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log),
-        ring_bytes=_ring_bytes(scenario), deferred=scenario.log.defer,
-        live=_listener(scenario, process) if live else None,
-    )  # fmt: skip
-
-
-def _listener(scenario: Resolved, process: str) -> socket.socket | None:
-    """Where this recorder can be joined; None where that cannot be had, which is no fault."""
-    try:
-        side: Side = "plant" if process == "plant" else "controller"
-        path = records_socket(scenario.link.zenoh, side, own=True)
-        listener = tap.listen(path)
-        if listener is not None:
-            guard_socket(path)
-    except (OSError, HilError):
-        return None
-    return listener
-
-
-def _ring_bytes(scenario: Resolved) -> int:
-    """A lockstep run waits when the ring is full; what runs in real time cannot."""
-    rate_hz, duration_s = scenario.loop.rate_hz, scenario.run.duration_s
-    if scenario.log.defer:
-        return deferred_ring_bytes(rate_hz, duration_s)
-    return RING_BYTES if scenario.loop.clock == "lockstep" else ring_bytes(rate_hz, duration_s)
-
-
-def rotation_of(config: LogConfig) -> Rotation | None:
-    """Return when a log goes on in another file; None: never."""
-    size, time_s = config.segment_bytes, config.segment_s
-    if size is None and time_s is None:
-        return None
-    return Rotation(size, None if time_s is None else round(time_s * 1e9), config.retain_bytes)
 
 
 def note_granted(
@@ -155,32 +75,6 @@ class NotingRecorder(PortRecorder):
 def noting(recorder: PortRecorder, link: Link) -> PortRecorder:
     """Return a recorder that logs the reports of the link's bus too, if there is one."""
     return NotingRecorder(recorder, link) if link.reports() else recorder
-
-
-def versions() -> dict[str, str]:
-    """Versions of this project, of what it stands on, and of the system."""
-    found = {name: _version(name) for name in _PACKAGES}
-    return {**found, "python": platform.python_version(), "system": platform.platform(),
-            "git": git_hash()}  # fmt: skip
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def git_hash() -> str:
-    """Commit of the checkout, with "-dirty" when it was changed; "unknown" outside of one."""
-    try:
-        found = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
-            cwd=Path(__file__).parent, capture_output=True, text=True, timeout=5, check=True,
-        )  # fmt: skip
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return found.stdout.strip()
 
 
 class Stop:

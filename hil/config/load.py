@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hil.config.base import Tree, parse_toml, read_toml
+from hil.config.base import Tree, parse_toml
 from hil.config.check import check, check_json, shown
 from hil.config.scenario import Scenario
+from hil.config.suite.cases import Case, cases_of, read_composed
 from hil.errors import ConfigError
 from hil.files import read_regular
 
 _S = TypeVar("_S", bound=Scenario)
+
+_MOST_SHOWN = 12
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -58,32 +61,39 @@ def build(tree: Mapping[str, Any], origin: str) -> Scenario:
     return check(Scenario, tree, origin)
 
 
-def load(path: Path, overrides: Iterable[tuple[str, Any]] = ()) -> Scenario:
-    """Read a scenario file and apply overrides in their order."""
-    tree = beside(read_toml(path), path)
-    origin = str(path)
+def load(path: Path, overrides: Sequence[tuple[str, Any]] = ()) -> Scenario:
+    """Read a scenario file that has one scenario, and apply overrides in their order.
+
+    Raises: ConfigError naming file, key and what is accepted
+    """
+    case = only(cases_of(read_composed(path, Path), path), str(path))
+    return overridden(case, str(path), overrides)
+
+
+def only(cases: Sequence[Case], origin: str) -> Case:
+    """Return the one case that there is.
+
+    Raises: ConfigError naming those that there are
+    """
+    if len(cases) == 1:
+        return cases[0]
+    named = ", ".join(one.name for one in cases[:_MOST_SHOWN])
+    more = f" and {len(cases) - _MOST_SHOWN} more" if len(cases) > _MOST_SHOWN else ""
+    raise ConfigError(
+        f"{origin}: has {len(cases)} cases; accepted is {origin}::CASE, of: {named}{more}"
+    )
+
+
+def overridden(case: Case, origin: str, overrides: Sequence[tuple[str, Any]] = ()) -> Scenario:
+    """Make the scenario of a case, with overrides in their order.
+
+    Raises: ConfigError naming origin, key and what is accepted
+    """
+    tree, where = case.tree, f"{origin}::{case.name}" if case.name else origin
     for key, value in overrides:
         _refuse_new_event(tree, key)
         tree = with_override(tree, key, value)
-        origin = f"{path} with --set"
-    return build(tree, origin)
-
-
-def beside(tree: Tree, path: Path) -> Tree:
-    """Return the tree of a file; other files that it names by relative paths are beside it."""
-    for table, key in (("expect", "recorded"), ("events", "file")):
-        entries = tree.get(table)
-        if isinstance(entries, dict):
-            anchored = {name: _anchored(entry, key, path) for name, entry in entries.items()}
-            tree = tree | {table: anchored}
-    return tree
-
-
-def _anchored(entry: Any, key: str, path: Path) -> Any:  # noqa: ANN401
-    given = entry.get(key) if isinstance(entry, dict) else None
-    if not isinstance(given, str) or Path(given).is_absolute():
-        return entry
-    return entry | {key: str((path.parent / given).resolve())}
+    return build(tree, f"{where} with --set" if overrides else where)
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -97,7 +107,7 @@ def read_scenario(path: Path) -> Scenario:
 def read_as(section: type[_S], path: Path) -> _S:
     """Read a file of TOML or JSON as that kind of scenario."""
     if path.suffix != ".json":
-        return check(section, read_toml(path), str(path))
+        return check(section, read_composed(path, Path), str(path))
     return check_json(section, read_regular(path), str(path))
 
 

@@ -21,6 +21,7 @@ from hil.config.process import (
     SafetyConfig,
 )
 from hil.config.suite.expectation import Expectation
+from hil.config.suite.stimulus import Stimulus, apart, check_events
 from hil.wire.busload import check_fit
 
 _HAD_TICKS = (("plant",), ("controller", "limits"))
@@ -57,6 +58,7 @@ class Scenario(Section):
     description: for people
     begins: in the settled motion of the model, or at rest
     events: below
+    stimuli: those among the events that follow a course, or wait for a condition
     expect: below
     """
 
@@ -74,6 +76,7 @@ class Scenario(Section):
     inputs: InputsConfig = InputsConfig()
     outputs: OutputsConfig = OutputsConfig()
     events: dict[str, Event] = Field(default_factory=dict)
+    stimuli: dict[str, Stimulus] = Field(default_factory=dict)
     expect: dict[str, Expectation] = Field(default_factory=dict)
 
     @property
@@ -85,7 +88,7 @@ class Scenario(Section):
     @classmethod
     def _stale_as_a_time(cls, given: Any) -> Any:  # noqa: ANN401
         """Read the limits in ticks of earlier versions as the times that they were at this rate."""
-        return stale_as_time(given) if isinstance(given, dict) else given
+        return apart(stale_as_time(given)) if isinstance(given, dict) else given
 
     @model_validator(mode="after")
     def _bus_carries_the_rate(self) -> Scenario:
@@ -95,6 +98,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _expectations_name_events(self) -> Scenario:
+        check_events(self.stimuli, self.events)
         for name, expectation in self.expect.items():
-            expectation.check_events(name, self.events)
+            expectation.check_events(name, (*self.events, *self.stimuli))
         return self

@@ -6,6 +6,7 @@ from typing import Final
 
 from mypy_extensions import i64
 
+from hil.randoms import EFFICIENCY, uniform
 from hil.rounding import nearest
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
 from plant.rig import actuation, disturbances
@@ -13,7 +14,6 @@ from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.params import PlantParams
-from plant.rig.randoms import EFFICIENCY, uniform
 from plant.rig.state import PlantState
 
 LEFT: Final = 0

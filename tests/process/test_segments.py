@@ -15,7 +15,7 @@ from bench.run import scenarios
 from bench.run.commands import log_flags
 from drivers.recorder.client import Recorder, Rotation
 from drivers.recorder.output import wait_finished
-from drivers.system.process import rotation_of
+from drivers.system.log import rotation_of
 from hil.errors import ConfigError, LogError, RunError
 from hil.log.segments import segment_path, segments_before
 from hil.log.topics import FRAMES_SENT

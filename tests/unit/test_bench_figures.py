@@ -7,6 +7,7 @@ from bench_logs import Centre, Made, alternating, make_run
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.api.judgement import cut_short
 from bench.judge.checks import judge
 from bench.judge.figure_table import FIGURES
 from bench.judge.figures import event_figures, figures, read_run
@@ -15,7 +16,6 @@ from bench.judge.response import BAND_MM, settled_after_s
 from bench.judge.response import response as response_of
 from bench.judge.strokes import Strokes, set_point_at
 from bench.judge.summary import summarise, summarise_fault, write
-from bench.run import commands
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
@@ -255,5 +255,5 @@ def test_a_log_that_is_not_whole_is_in_the_summary_with_what_its_recorder_saw(re
     longer = response.scenario.model_copy(
         update={"run": response.scenario.run.model_copy(update={"duration_s": 2.0})}
     )
-    told = commands._cut_short(cut._replace(scenario=longer))
+    told = cut_short(cut._replace(scenario=longer))
     assert told["error"] == ("the plant's log lacks 1000 of 2000 ticks: 9 ticks found no room")

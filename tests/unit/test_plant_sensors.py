@@ -5,11 +5,11 @@ import statistics
 import pytest
 
 from hil.config.plant import PlantConfig, SensorConfig
+from hil.randoms import normal_pair, uniform
 from hil.values import replace
 from hil.wire.commands import read_event
 from plant.build import plant_params
 from plant.rig.beginning import initial_state
-from plant.rig.randoms import normal_pair, uniform
 from plant.rig.state import Command
 from plant.rig.step import step
 from plant.sensors import sample, sensed

@@ -18,7 +18,7 @@ from bench.measure.latency import machine
 from bench.run import directory, offline, scenarios
 from bench.run.resolve import resolve
 from drivers.links import open_memory
-from drivers.system.process import open_recorder
+from drivers.system.log import open_recorder
 from drivers.system.realtime import prepare
 from hil import compiled
 from hil.config.resolved import Resolved

@@ -24,7 +24,7 @@ from bench.run import offline
 from bench.run.directory import RunFiles
 from controller.loop import ControllerLoop
 from drivers.links import Connection, open_memory
-from drivers.system.process import open_recorder
+from drivers.system.log import open_recorder
 from hil import log as logs
 from hil import snapshot
 from hil.config.resolved import Resolved

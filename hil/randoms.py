@@ -7,6 +7,8 @@ from functools import cache
 
 EFFICIENCY = 1
 SENSOR = 2
+STIMULUS = 16
+"""Streams; of stimuli this and those after it."""
 
 _MASK = (1 << 64) - 1
 _TO_UNIT = 2.0**-53

@@ -1,0 +1,1 @@
+"""Runs in one thread: stepped by hand, or to their end."""

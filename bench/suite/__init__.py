@@ -1,0 +1,1 @@
+"""Scenarios as a test suite: many cases, one verdict each."""

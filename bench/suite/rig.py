@@ -1,0 +1,120 @@
+"""The fixture `rig`: a running engine that a test steers and waits for.
+
+Over memory time passes only while the test waits, so that a test is exact and the same every time.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+from bench.api.runs import Given, resolve
+from bench.run.memory.pair import Pair
+from bench.run.signal_names import signal_of
+from bench.suite.fixtures import changes_of
+from hil.errors import ConfigError
+from hil.wire import commands
+
+if TYPE_CHECKING:
+    import pytest
+
+_COMPARED: Final[dict[str, Callable[[float, float], bool]]] = {
+    "<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt,
+}  # fmt: skip
+_CONDITION: Final = re.compile(r"\s*(\S+)\s*(<=|>=|<|>)\s*(\S+)\s*")
+
+
+class Rig:
+    """A running engine, over memory: time passes in `wait` and `wait_for` only.
+
+    pair: both loops, for what a test wants to see of them
+    """
+
+    def __init__(self, pair: Pair) -> None:
+        self.pair = pair
+
+    @property
+    def t_s(self) -> float:
+        """Time of the run [s]."""
+        return self.pair.t_s
+
+    def order(self, kind: str, **fields: Any) -> None:  # noqa: ANN401
+        """Give an operator's command: start, stop, set-point, law (docs/commands.md).
+
+        Raises: ConfigError when it is none, or a field is out of its range
+        """
+        try:
+            self.pair.order(commands.read({"kind": kind, **fields}, "test").table(), "test")
+        except ValueError as error:
+            raise ConfigError(f"{kind}: {error}") from None
+
+    def fault(self, kind: str, **fields: Any) -> None:  # noqa: ANN401
+        """Let something fail: misfire, sensor-fault, load-scale, efficiency.
+
+        Raises: ConfigError as `order`
+        """
+        self.order(kind, **fields)
+
+    def set(self, **given: float) -> None:
+        """Change set points: `rig.set(tdc_ref_m=0.0152)`.
+
+        Raises: ConfigError as `order`
+        """
+        self.order("set-point", **given)
+
+    def read(self, signal: str) -> float:
+        """Return the newest value of a signal; nan while there is none.
+
+        Raises: ConfigError when there is no such signal
+        """
+        return self.pair.value(signal)
+
+    def wait(self, duration_s: float) -> None:
+        """Let so much time pass [s]."""
+        self.pair.advance_to(self.t_s + duration_s)
+
+    def wait_for(self, condition: str | Callable[[Rig], bool], timeout_s: float = 1.0) -> float:
+        """Wait until a condition holds; return the time that it took [s].
+
+        Parameters: condition : as in "plant.truth.x_m > 0.01", or a function of the rig
+
+        Raises: TimeoutError with the last value when it does not hold in time
+        """
+        holds = condition if callable(condition) else _condition(condition)
+        begin_s = self.t_s
+        while not holds(self):
+            if self.t_s - begin_s >= timeout_s:
+                last = "" if callable(condition) else f": {self.read(condition.split()[0]):.6g}"
+                raise TimeoutError(f"{condition} within {timeout_s:g} s{last}")
+            self.pair.advance()
+        return self.t_s - begin_s
+
+
+def _condition(text: str) -> Callable[[Rig], bool]:
+    """Read a condition.
+
+    Raises: ConfigError when it is none
+    """
+    found = _CONDITION.fullmatch(text)
+    try:
+        signal, compared, bound = found[1], _COMPARED[found[2]], float(found[3])  # type: ignore[index]
+    except (TypeError, ValueError):
+        raise ConfigError(f"{text!r}: accepted is SIGNAL < NUMBER, or with <=, > or >=") from None
+    signal_of(signal)
+    return lambda rig: compared(rig.read(signal), bound)
+
+
+@contextmanager
+def open_rig(
+    link: str, config: pytest.Config, scenario: Given = "steady", **overrides: Any,  # noqa: ANN401
+) -> Iterator[Rig]:  # fmt: skip
+    """Hold the engine of a scenario running.
+
+    Raises: ConfigError when it cannot begin
+    """
+    whole = resolve(scenario, **{**overrides, **changes_of(link, config)})
+    with Pair(whole) as pair:
+        yield Rig(pair)
