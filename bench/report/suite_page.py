@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.report.page import STYLE, table
+from bench.report.page import table
+from bench.web.page import own
 
 _STYLE = """
 td.met { color: var(--good); font-weight: 600; } td.bad { color: var(--bad); font-weight: 600; }
@@ -43,7 +44,7 @@ def page(
     parts = [
         "<!doctype html><html lang=en><head><meta charset=utf-8>",
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{html.escape(title)}</title><style>{STYLE}{_STYLE}</style></head><body><main>",
+        f"<title>{html.escape(title)}</title><style>{own('style.css')}{_STYLE}</style></head><body><main>",
         f"<header><div><h1>{html.escape(title)}</h1><p>{len(rows)} scenarios over ",
         f"{html.escape(', '.join(links))}</p></div>",
         f'<div class="badge {badge}">{met} of {len(cells)} met</div></header>',
