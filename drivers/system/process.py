@@ -81,6 +81,9 @@ def open_recorder(
     attachments = [("scenario.json", "application/json", scenario.model_dump_json().encode())]
     if _DBC.exists():
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
+    if scenario.controller.own.file:
+        law = Path(scenario.controller.own.file)
+        attachments.append((law.name, "text/x-python", law.read_bytes()))
     blocking = scenario.loop.clock == "lockstep"
     return Recorder.open(
         path, metadata, attachments, blocking=blocking, rotation=rotation_of(scenario.log),

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from hil.brought import SUFFIX, name_of
 from hil.config.base import Section, ranged
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, DeadTimeS, FlowKgS, StaleS, StartForceN, TdcRefM
@@ -190,6 +191,19 @@ class StrokeMapConfig(Section):
     kind: Literal["auto", "linear", "gas-law"] = "auto"
 
 
+class OwnLawConfig(Section):
+    """A law of the user's own: `name = "./my_law.py"`, or the name that a package offers.
+
+    name: by which it is known; file, sha256: where it is, and of what content
+    settings: what its `Settings` declares
+    """
+
+    name: str = ""
+    file: str = ""
+    sha256: str = ""
+    settings: dict[str, float | bool | str] = Field(default_factory=dict)
+
+
 class StartConfig(Section):
     """Starting by motoring in resonance (thesis section 6.1.3, level 1).
 
@@ -299,6 +313,8 @@ class ControllerConfig(Section):
     observer: ObserverConfig = ObserverConfig()
     machine: MachineLawConfig = MachineLawConfig()
     stroke_map: StrokeMapConfig = StrokeMapConfig()
+
+    own: OwnLawConfig = OwnLawConfig()
     learning: LearningConfig = LearningConfig()
     load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()
@@ -308,3 +324,13 @@ class ControllerConfig(Section):
     limits: LimitsConfig = LimitsConfig()
     preset: Preset = Preset()
     tuning: Tuning | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _law_with_file(cls, given: Any) -> Any:  # noqa: ANN401
+        """Read a file as the name of a law: the law of that file."""
+        name = given.get("name") if isinstance(given, dict) else None
+        if not isinstance(name, str) or not name.endswith(SUFFIX):
+            return given
+        own = given.get("own") or {}
+        return given | {"name": name_of(name), "own": {**own, "name": name_of(name), "file": name}}
