@@ -10,10 +10,9 @@ from controller.loop import ControllerLoop
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
 from controller.motion.calibration import calibrate
-from controller.motion.choice import check, check_names
+from controller.motion.choice import check, check_names, make_laws
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
-from controller.motion.laws import LAWS
 from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
@@ -41,7 +40,8 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     stroke_map = calibrate(
         config.stroke_map, engine, start.tdc_ref_m, start.load_n_s_m, start.point
     )
-    check(config.name, stroke_map)
+    laws = make_laws(config)
+    check(config.name, laws, stroke_map)
     bounds = Bounds(
         limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
         stale_ticks=stale_ticks(limits.stale_s, period_ns),
@@ -50,7 +50,6 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         unheard_ns=round(limits.stale_s * 1e9),
     )
     full_load = supervisory.full_load(config, engine)
-    laws = {name: law(config) for name, law in LAWS.items()}
     is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
     most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
     possible = possible_of(

@@ -33,7 +33,7 @@ def _refusal(params: Params, command: OperatorCommand) -> str:
     most_m = params.bounds.limit_m - params.config.supervisory.tdc_room_m
     if tdc_m is not None and tdc_m > most_m:
         return f"tdc_ref_m={tdc_m:g} from {command.origin}: accepted up to {most_m:g}"
-    reason = "" if law is None else refusal(law, params.stroke_map)
+    reason = "" if law is None else refusal(law, params.laws, params.stroke_map)
     return f"{reason} (from {command.origin})" if reason else ""
 
 

@@ -11,6 +11,10 @@ from bench.cli.options import Assignments, Force
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
 Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
+LawOption = Annotated[
+    Path | None,
+    typer.Option("--controller", metavar="FILE", help="The law, where the run was of one's own."),
+]
 Format = Literal["parquet", "csv", "mf4"]
 
 
@@ -24,6 +28,7 @@ def replay(
     config: Annotated[
         Path | None, typer.Option(help="Scenario to use for a log that carries none.")
     ] = None,
+    controller: LawOption = None,
 ) -> None:
     """Feed a recorded run to plant or controller as they are today, and compare what they do.
 
@@ -31,7 +36,7 @@ def replay(
     """
     from bench.logs import commands
 
-    raise typer.Exit(commands.replay(log, config, start, end))
+    raise typer.Exit(commands.replay(log, config, start, end, controller))
 
 
 def diff(
@@ -56,11 +61,14 @@ def what_if(
     assignments: Assignments = None,
     duration: Annotated[float | None, typer.Option(help="End of the continued run [s].")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of logs and picture.")] = None,
+    controller: LawOption = None,
 ) -> None:
     """Continue a run from its recorded state with other parameters, and draw both."""
     from bench.logs import commands
 
-    raise typer.Exit(commands.what_if(directory, start, assignments or [], duration, out))
+    raise typer.Exit(
+        commands.what_if(directory, start, assignments or [], duration, out, controller)
+    )
 
 
 def info(

@@ -36,12 +36,15 @@ def _console() -> Console:
     return Console(highlight=False, markup=False, soft_wrap=True)
 
 
-def replay(path: Path, config: Path | None, start_s: float | None, end_s: float | None) -> int:
+def replay(
+    path: Path, config: Path | None, start_s: float | None, end_s: float | None,
+    law: Path | None = None,
+) -> int:  # fmt: skip
     """Replay a log; 0 when identical, 1 when not."""
     from bench.logs.replay import replay as replays
     from bench.logs.replay.outcome_table import show
 
-    outcome = replays.replay_file(path, config, _span(start_s, end_s))
+    outcome = replays.replay_file(path, config, _span(start_s, end_s), law)
     with logs.open(path) as log:
         show(_console(), path, outcome, log)
     return 0 if outcome.identical else 1
@@ -59,14 +62,15 @@ def diff(first: Path, second: Path, *, timing: bool) -> int:
 
 
 def what_if(
-    directory: Path, start: str, assignments: list[str], duration_s: float | None, out: Path | None
-) -> int:
+    directory: Path, start: str, assignments: list[str], duration_s: float | None,
+    out: Path | None, law: Path | None = None,
+) -> int:  # fmt: skip
     """Continue a run with other parameters and draw both."""
     from bench.logs.what_if.comparison_table import show
     from bench.logs.what_if.continuation import Wish, continue_run
 
     console = _console()
-    told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out))
+    told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out, law))
     show(console, told)
     return 0
 

@@ -9,6 +9,7 @@ from typing import Any
 from bench.run import engine_defaults, fmu_defaults
 from bench.run.signal_names import check_expectations
 from controller.motion.choice import check_names
+from controller.motion.own import own_settings, own_source
 from controller.supervisory import target_load
 from hil.config.check import check
 from hil.config.prototypes import PROTOTYPES, Prototype
@@ -61,9 +62,28 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
         prototype = scenario.plant.resolved_prototype()
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
+    tree["controller"]["own"] = _own(scenario)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)
+
+
+def _own(scenario: Scenario) -> dict[str, Any]:
+    """Return the law that the user has brought with its hash, place and whole settings.
+
+    Raises: ConfigError when it cannot be the law of this run
+    """
+    own, source = scenario.controller.own, own_source(scenario.controller)
+    if source is None:
+        return own.model_dump()
+    kind, brought = source
+    settings = own_settings(kind, scenario.controller, brought)
+    return {
+        "name": own.name or scenario.controller.name,
+        "file": own.file and str(brought.path.resolve()),
+        "sha256": brought.sha256,
+        "settings": {} if settings is None else settings.model_dump(),
+    }
 
 
 def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:

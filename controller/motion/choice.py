@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+from controller.motion.law import Law
 from controller.motion.laws import LAWS
 from controller.motion.maps.stroke_map import StrokeMap
+from controller.motion.own import is_own, make_own
+from hil.config.controller import ControllerConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 
 
-def refusal(name: str, stroke_map: StrokeMap | None) -> str:
+def make_laws(config: ControllerConfig) -> dict[str, Law[Any]]:
+    """Make every law that a run may use: ours, and the one that its user has brought.
+
+    Raises: ConfigError when that one cannot be made, or has the name of one of ours
+    """
+    own = make_own(config)
+    for name in own.keys() & LAWS.keys():
+        raise ConfigError(f"controller.own: {name!r} is a law of ours; accepted is another name")
+    return {**{name: law(config) for name, law in LAWS.items()}, **own}
+
+
+def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | None) -> str:
     """Tell why a law cannot work; an empty string when it can."""
-    law = LAWS.get(name)
+    law = laws.get(name)
     if law is None:
-        return f"law = {name!r}: accepted: {', '.join(LAWS)}"
+        return f"law = {name!r}: accepted: {', '.join(laws)}"
     if law.needs_map and stroke_map is None:
         return f"controller {name}: the preset is no steady state from which a stroke can be told"
     if law.needs_fit and stroke_map is not None and not stroke_map.fits:
@@ -24,12 +41,14 @@ def refusal(name: str, stroke_map: StrokeMap | None) -> str:
 
 
 def check_name(name: str, where: str) -> None:
-    """Refuse a name that no law has; `where` is what gave it.
+    """Refuse a name that no law has; `where` is what gave it. A file's name is one.
 
     Raises: ConfigError
     """
-    if name not in LAWS:
-        raise ConfigError(f"{where} = {name!r}: accepted: {', '.join(LAWS)}")
+    if name not in LAWS and not is_own(name):
+        raise ConfigError(
+            f"{where} = {name!r}: accepted: {', '.join(LAWS)}, or a file ending in .py"
+        )
 
 
 def check_names(scenario: Scenario) -> None:
@@ -37,18 +56,20 @@ def check_names(scenario: Scenario) -> None:
 
     Raises: ConfigError
     """
-    check_name(scenario.controller.name, f"{scenario.name}: controller.name")
+    own = scenario.controller.own.name
+    if scenario.controller.name != own:
+        check_name(scenario.controller.name, f"{scenario.name}: controller.name")
     for name, event in scenario.events.items():
         law = event.command.text("law")
-        if law is not None:
+        if law is not None and law != own:
             check_name(law, f"{scenario.name}: events.{name}.law")
 
 
-def check(name: str, stroke_map: StrokeMap | None) -> None:
+def check(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | None) -> None:
     """Refuse a law that there is not, or that cannot work.
 
     Raises: ConfigError
     """
-    reason = refusal(name, stroke_map)
+    reason = refusal(name, laws, stroke_map)
     if reason:
         raise ConfigError(reason)

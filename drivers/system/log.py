@@ -82,6 +82,9 @@ def _head(
     attachments = [("scenario.json", "application/json", scenario.model_dump_json().encode())]
     if _DBC.exists():
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
+    if scenario.controller.own.file:
+        law = Path(scenario.controller.own.file)
+        attachments.append((law.name, "text/x-python", law.read_bytes()))
     return {"run": run, "versions": versions()}, attachments
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from hil.brought import SUFFIX, name_of
 from hil.config.base import FIXED, LIVE, Section, Tunable, ranged
 from hil.config.motion.laws import (
     LearningConfig,
     LoadEstimateConfig,
     MachineLawConfig,
     ObserverConfig,
+    OwnLawConfig,
     PdfConfig,
     PredictiveConfig,
 )
@@ -203,6 +205,8 @@ class ControllerConfig(Section):
     observer: ObserverConfig = ObserverConfig()
     machine: MachineLawConfig = MachineLawConfig()
     stroke_map: StrokeMapConfig = StrokeMapConfig()
+
+    own: OwnLawConfig = OwnLawConfig()
     learning: LearningConfig = LearningConfig()
     load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()
@@ -212,3 +216,13 @@ class ControllerConfig(Section):
     limits: LimitsConfig = LimitsConfig()
     preset: Preset = Preset()
     tuning: Tuning | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _law_with_file(cls, given: Any) -> Any:  # noqa: ANN401
+        """Read a file as the name of a law: the law of that file."""
+        name = given.get("name") if isinstance(given, dict) else None
+        if not isinstance(name, str) or not name.endswith(SUFFIX):
+            return given
+        own = given.get("own") or {}
+        return given | {"name": name_of(name), "own": {**own, "name": name_of(name), "file": name}}

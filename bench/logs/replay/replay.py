@@ -32,8 +32,11 @@ WINDOW_S = 0.15
 """How much about the first difference is kept, to show the strokes around it."""
 
 
-def scenario_of(log: Log, config: Path | None = None) -> Resolved:
+def scenario_of(log: Log, config: Path | None = None, law: Path | None = None) -> Resolved:
     """Return the configuration of a log: its own, or that of a file.
+
+    Parameters: law : file of the law that the run was of, where its user had brought one: what a
+        log names is never loaded by itself
 
     Raises: LogError when it has none that this version can read, or is of an older format
     """
@@ -49,9 +52,25 @@ def scenario_of(log: Log, config: Path | None = None) -> Resolved:
     if attached is None:
         raise log.error("cannot be replayed: it carries no scenario.json; give one with --config")
     try:
-        return check_json(Resolved, attached.content, f"{log.path}: scenario.json")
+        scenario = check_json(Resolved, attached.content, f"{log.path}: scenario.json")
     except ConfigError as error:
         raise LogError(str(error)) from None
+    return with_law(log, scenario, law)
+
+
+def with_law(log: Log, scenario: Resolved, law: Path | None) -> Resolved:
+    """Put the file that was given into the place of the one that a controller's log names.
+
+    Raises: LogError when none was given and one is needed
+    """
+    controller = scenario.controller
+    if not controller.own.file or log.metadata.get("run", {}).get("process") == "plant":
+        return scenario
+    if law is None:
+        told = f"{controller.name} (SHA-256 {controller.own.sha256})"
+        raise log.error(f"is of a law of its user's, {told}: give its file with --controller")
+    own = controller.own.model_copy(update={"file": str(law)})
+    return scenario.model_copy(update={"controller": controller.model_copy(update={"own": own})})
 
 
 def process_of(log: Log) -> str:
@@ -225,13 +244,13 @@ class _Comparison:
         )  # fmt: skip
 
 
-def replay_file(path: Path, config: Path | None, span: Span) -> Outcome:
-    """Replay a log, whichever topics it has.
+def replay_file(path: Path, config: Path | None, span: Span, law: Path | None = None) -> Outcome:
+    """Replay a log, whichever topics it has; `law` is the file of a user's own law.
 
     Raises: HilError with exit code 2 when it cannot be used
     """
     with logs.open(path) as log:
-        scenario = scenario_of(log, config)
+        scenario = scenario_of(log, config, law)
         try:
             if "/frames/received" not in log.topics:
                 return replay_rig(log, scenario, span)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
-from bench.logs.replay.replay import make, process_of, scenario_of
+from bench.logs.replay.replay import make, process_of, scenario_of, with_law
 from bench.logs.replay.turn import Turn
 from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
@@ -46,6 +46,7 @@ class Wish(NamedTuple):
     assignments: tuple[str, ...] = ()
     duration_s: float | None = None
     out: Path | None = None
+    law: Path | None = None
 
 
 class Told(NamedTuple):
@@ -95,7 +96,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
     if wish.out is not None:
         _claim(wish.out)
     with logs.open(paths[0]) as plant_log, logs.open(paths[1]) as controller_log:
-        scenario = scenario_of(plant_log)
+        scenario = with_law(controller_log, scenario_of(plant_log), wish.law)
         tick = tick_of(wish.start, scenario.loop.rate_hz)
         resumed = resume((plant_log, controller_log), scenario, tick)
         state = resumed.plant.loop.state

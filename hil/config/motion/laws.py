@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from hil.config.base import Tunable
+from hil.config.base import Section, Tunable
 
 
 class LearningConfig(Tunable):
@@ -105,3 +105,16 @@ class MachineLawConfig(Tunable):
     most: float = Field(default=2.0, ge=1.0, le=5.0)
     begin_s: float = Field(default=2.0e-3, ge=0.0, le=0.1)
     release_s: float = Field(default=1.0e-3, ge=0.0, le=0.1)
+
+
+class OwnLawConfig(Section):
+    """A law of the user's own: `name = "./my_law.py"`, or the name that a package offers.
+
+    name: by which it is known; file, sha256: where it is, and of what content
+    settings: what its `Settings` declares
+    """
+
+    name: str = ""
+    file: str = ""
+    sha256: str = ""
+    settings: dict[str, float | bool | str] = Field(default_factory=dict)
