@@ -9,7 +9,7 @@ from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from bench.studies import tune
 from bench.studies.bound import step_bound
-from controller.motion.choice import refusal
+from controller.motion.choice import make_laws, refusal
 from controller.motion.laws import LAWS
 from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
@@ -154,8 +154,9 @@ def test_laws_that_need_no_ticks_have_no_part_in_them(name):
 
 
 def test_a_law_that_cannot_work_is_refused_by_name():
-    assert "preset" in refusal("pdf", None)
-    assert refusal("cascade", None) == ""
+    laws = make_laws(ControllerConfig())
+    assert "preset" in refusal("pdf", laws, None)
+    assert refusal("cascade", laws, None) == ""
     with pytest.raises(ConfigError, match="closed-form"):
         run("machine", [("plant.model", "closed-form")])
 
