@@ -17,6 +17,8 @@ from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
 from controller.timing.plan import NO_PLAN
+from controller.timing.valve_table import table_of
+from controller.timing.valves import initial as timing_of_valves
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES
 from hil.config.ranges import stale_ticks
@@ -56,7 +58,10 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
         all(config.timing.fires), most_n,
     )  # fmt: skip
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible)
+    table = None
+    if config.timing.valves == "controller":
+        table = table_of(config.valves, engine.half_stroke_m, not config.running)
+    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible, table)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:
@@ -70,7 +75,11 @@ def initial_state(params: Params) -> State:
     """The state before the first tick: running in the steady state, or off."""
     config = params.config
     set_points = supervisory.initial(config, params.engine)
-    steady_kg = set_points.point.fuel_kg
+    steady_kg, valves = set_points.point.fuel_kg, None
+    if params.valve_table is not None:
+        valves = timing_of_valves(
+            params.valve_table, set_points.tdc_ref_m, set_points.point.stroke_s, config.running
+        )
     return State(
         motion=Motion(tdc_m=set_points.tdc_ref_m),
         stale=0,
@@ -79,6 +88,7 @@ def initial_state(params: Params) -> State:
         fuelling=Fuelling(config.name, params.law.initial(), NO_DEMAND, (steady_kg, steady_kg)),
         plan=NO_PLAN,
         pulses=(),
+        valves=valves,
     )
 
 

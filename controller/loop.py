@@ -137,7 +137,7 @@ class ControllerLoop:
         if self.reception.doubted:
             self._doubt(self.reception.doubted)
         sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
-        inputs = Inputs(arrival.tick, sample, command, power_w, fault)
+        inputs = Inputs(arrival.tick, sample, command, power_w, fault, arrival.valve)
         self.state, output = step(self.params, self.state, inputs)
         if self._is_asked:
             self._tell_asker(output.events)

@@ -14,7 +14,7 @@ from controller.state import State
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
 from hil.wire.e2e import MAX_DELTA
-from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, PistonSample, PlantTick
+from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, PistonSample, PlantTick, ValveMove
 
 _NAN: Final = float("nan")
 _TICK_MODULO: Final = 1 << 32
@@ -27,20 +27,21 @@ class Arrival(Value):
     """What came for a tick: its frames, the sample if it may be used, and the electric power.
 
     tick: -1 when its head did not come through; power_w: nan when the frames carried none; fault:
-    what the samples show to be wrong
+    what the samples show to be wrong; valve: what a valve's position switch told
     """
 
-    __slots__ = ("tick", "batch", "sample", "power_w", "fault")
+    __slots__ = ("tick", "batch", "sample", "power_w", "fault", "valve")
 
     def __init__(
         self, tick: int, batch: bytes, sample: PistonSample | None = None, power_w: float = _NAN,
-        fault: i64 = NONE,
+        fault: i64 = NONE, valve: ValveMove | None = None,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.batch = batch
         self.sample = sample
         self.power_w = power_w
         self.fault = fault
+        self.valve = valve
 
 
 @final
@@ -90,7 +91,7 @@ class Reception:
                 self.decoder.forget_counters()
             return Arrival(-1, b"")
         self._silent_turns = 0
-        tick, sample, power_w = -1, None, _NAN
+        tick, sample, power_w, valve = -1, None, _NAN, None
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
                 tick = self._whole_tick(message.tick, last_tick)
@@ -98,20 +99,23 @@ class Reception:
                 self._hear(message)
             elif type(message) is PistonSample:
                 sample = message
+            elif type(message) is ValveMove:
+                valve = message
         if sample is None or tick <= last_tick:
             return Arrival(tick, batch)
-        return self._judged(tick, batch, sample, power_w, state)
+        return self._judged(tick, batch, sample, power_w, state, valve)
 
     def _judged(
-        self, tick: int, batch: bytes, sample: PistonSample, power_w: float, state: State
-    ) -> Arrival:
+        self, tick: int, batch: bytes, sample: PistonSample, power_w: float, state: State,
+        valve: ValveMove | None,
+    ) -> Arrival:  # fmt: skip
         """What an intact sample is worth: of the tick of its head, and believed."""
         if not self.decoder.in_step():
             self.out_of_step += 1
             return Arrival(tick, batch)
         fault = self._judge(tick, sample, power_w, state)
         if self.witness.agreeing == 0:
-            return Arrival(tick, batch, sample, power_w, fault)
+            return Arrival(tick, batch, sample, power_w, fault, valve)
         self.implausible += 1
         return Arrival(tick, batch, None, power_w, fault)
 

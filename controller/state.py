@@ -18,11 +18,13 @@ from controller.observe.possible import Possible
 from controller.safety import Limits
 from controller.supervisory import SetPoints
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
+from controller.timing.valve_table import ValveTable
+from controller.timing.valves import ValveTiming
 from hil.config.controller import ControllerConfig, StartConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
 from hil.wire.commands import OperatorCommand
-from hil.wire.messages import PistonSample
+from hil.wire.messages import PistonSample, ValveMove
 from hil.wire.pulses import may_fire
 
 
@@ -43,12 +45,13 @@ class Params:
     """What does not change during a run.
 
     laws: all that there are, by name; the one with which the run begins is at hand as `law`
+    valve_table: where valves are to move, None where the controller does not move them
     """
 
     def __init__(
         self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
         full_load_n_s_m: float, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
-        possible: Possible,
+        possible: Possible, valve_table: ValveTable | None = None,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -58,6 +61,7 @@ class Params:
         self.full_load_n_s_m = full_load_n_s_m
         self.stroke_map = stroke_map
         self.possible = possible
+        self.valve_table = valve_table
         self.limits = Limits(config.limits)
         self.start = Start(config.start)
         self.timings = Timings(config)
@@ -76,15 +80,18 @@ class State(Value):
 
     stale: ticks in a row without a sample; pulses: those on the wire, not closed yet
     ahead: what is ordered for the dead centre ahead until the law has been asked
+    valves: None where the controller does not move them
     """
 
     __slots__ = (
         "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
+        "valves",
     )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
+        valves: ValveTiming | None = None,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -94,6 +101,7 @@ class State(Value):
         self.plan = plan
         self.pulses = pulses
         self.ahead = ahead
+        self.valves = valves
 
     @property
     def in_force(self) -> Plan:
@@ -112,19 +120,21 @@ class Inputs(Value):
 
     power_w: electric power, nan when this tick's frames carried none
     fault: what the samples show to be wrong, by its number in controller/observe/plausibility.py
+    valve: what a valve's position switch has told
     """
 
-    __slots__ = ("tick", "sample", "command", "power_w", "fault")
+    __slots__ = ("tick", "sample", "command", "power_w", "fault", "valve")
 
     def __init__(
         self, tick: i64, sample: PistonSample | None, command: OperatorCommand | None = None,
-        power_w: float = math.nan, fault: i64 = 0,
+        power_w: float = math.nan, fault: i64 = 0, valve: ValveMove | None = None,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.sample = sample
         self.command = command
         self.power_w = power_w
         self.fault = fault
+        self.valve = valve
 
 
 @final

@@ -30,14 +30,16 @@ from controller.observe.estimate import (
 from controller.orders import obey
 from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SetPoints
-from controller.timing import position
+from controller.timing import position, valves
 from controller.timing.advance import is_far, postponed
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
+from controller.timing.valves import ValveTiming
 from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
+from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
@@ -52,7 +54,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     seen = observe(state.motion, state.stale, inputs.sample, t_ns, inputs.fault)
     if seen.passed.dead_centre:
         seen = turned(params, state, seen)
-    judged = state.operation.fired_t_ns
+    judged, before = state.operation.fired_t_ns, state.motion
     state, events = _operate(params, state, seen, inputs.command)
     set_points = supervisory.slew(params.config, params.engine, state.set_points, params.dt_s)
     stroke = None
@@ -73,10 +75,11 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     machine = safety.limit_machine(
         params.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
     )
+    moved, sent = _with_valves(params, state.valves, before, seen, inputs, mode, pulses)
     after = State(
-        seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead
+        seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved
     )
-    return after, Output(mode, machine, set_points.throttle, pulses, stroke, events)
+    return after, Output(mode, machine, set_points.throttle, sent, stroke, events)
 
 
 def _operate(
@@ -242,6 +245,28 @@ def _with_spark(
         if is_far(timings, plan, pulses, motion.side_ahead, seconds):
             return plan
     return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
+
+
+def _with_valves(
+    params: Params, timing: ValveTiming | None, before: Motion, seen: Observation, inputs: Inputs,
+    mode: Mode, pulses: tuple[PlannedPulse, ...],
+) -> tuple[ValveTiming | None, tuple[PlannedPulse, ...]]:  # fmt: skip
+    """Level 4: the valves' edges, and which of all orders this tick has room for.
+
+    A tick in which the plant tells of a valve has one frame less.
+    """
+    table = params.valve_table
+    if table is None or timing is None:
+        return timing, pulses
+    timing = valves.observe(
+        table, timing, before, seen.motion, seen.passed.dead_centre, inputs.valve
+    )
+    if not may_fire(mode):
+        return valves.at_rest(timing), pulses
+    timing = valves.plan(table, params.timings, timing, seen.t_ns, params.period_ns)
+    room: i64 = actuator.MAX_PULSES if inputs.valve is None else actuator.MAX_PULSES - 1
+    acts_ns = seen.t_ns + params.timings.act_ticks * params.period_ns
+    return valves.to_send(timing, pulses, inputs.tick, acts_ns, room)
 
 
 def _machine(

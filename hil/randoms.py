@@ -7,6 +7,7 @@ from functools import cache
 
 EFFICIENCY = 1
 SENSOR = 2
+VALVE = 3
 STIMULUS = 16
 """Streams; of stimuli this and those after it."""
 

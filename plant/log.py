@@ -19,6 +19,7 @@ _ROOM: Final = 4
 """Pulses of one tick that its record has room for."""
 _SEVERITY: Final = {
     codes.CONTACT: topics.FAULT,
+    codes.VALVE_CONTACT: topics.FAULT,
     codes.SAFE_STATE: topics.FAULT,
     codes.MISFIRE: topics.WARNING,
     codes.PULSE_REFUSED: topics.WARNING,

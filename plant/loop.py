@@ -27,7 +27,7 @@ from plant.rig.params import PlantParams
 from plant.rig.silence import unheard
 from plant.rig.state import AS_BEFORE, PlantState
 from plant.rig.step import step
-from plant.sensors import sample, sensed
+from plant.sensors import sample, sensed, valve_move
 
 _NAN: Final = float("nan")
 _X_MOST: Final = most_of(PistonSample, "x_m")
@@ -140,10 +140,10 @@ class PlantLoop:
         seen, slowly = sample(self.params, state), sensed(self.params, state)
         x_m, v_m_s = seen.x_m, seen.v_m_s
         power, left, right = slowly.electric_power_w, slowly.p_left_pa, slowly.p_right_pa
-        slow = SLOW_ORDER[tick & 3]
+        slow, valve = SLOW_ORDER[tick & 3], valve_move(self.params, state)
         head = PlantTick(
             tick & 0xFFFFFFFF,
-            2,
+            2 if valve is None else 3,
             slow,
             _within(power, _POWER_MOST) if slow == ELECTRIC_POWER else _NAN,
             _within(left, _P_MOST) if slow == P_LEFT else _NAN,
@@ -151,7 +151,8 @@ class PlantLoop:
         )
         heard = unheard(self.params, state) if state.stale or state.latch else 0
         body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST), heard)
-        return Measured(x_m, v_m_s, left, right, power, self._encoder.encode((head, body)))
+        frames = (head, body) if valve is None else (head, body, valve)
+        return Measured(x_m, v_m_s, left, right, power, self._encoder.encode(frames))
 
     def _take_fault(self, commands: CommandSource, tick: int) -> None:
         """Take a fault that was ordered over the command key; what is not ours is left alone."""

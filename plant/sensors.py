@@ -7,6 +7,8 @@ from typing import final
 from hil.randoms import SENSOR, normal_pair
 from hil.values import Value
 from hil.wire.commands import TimedCommand
+from hil.wire.messages import VALVES, ValveMove
+from hil.wire.pulses import wrap_us
 from plant.engines.protocol import Sensed
 from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
@@ -34,6 +36,17 @@ def sample(p: PlantParams, s: PlantState) -> Sample:
 def sensed(p: PlantParams, s: PlantState) -> Sensed:
     """Pressures and electric power at the start of tick s.tick; these sensors have no faults."""
     return p.engine.sensed(s.motion, s.machine)
+
+
+def valve_move(p: PlantParams, s: PlantState) -> ValveMove | None:
+    """What the valves' position switches tell with the sample of tick s.tick, one move at a time.
+
+    Only of valves that a controller moves; the piston's programme is no actuator.
+    """
+    told = s.pulses.valves.told
+    if not told or not p.valves.by_lines:
+        return None
+    return ValveMove(VALVES[0] + told[0].line, int(told[0].is_open), wrap_us(told[0].t_ns))
 
 
 def _blur(p: PlantParams, tick: int, true: Sample) -> Sample:

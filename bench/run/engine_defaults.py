@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil.config.detailed import Calibration
 from hil.config.plant import DETAILED_MODELS
 from hil.config.prototypes import PROTOTYPES, engine_with
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+
+if TYPE_CHECKING:
+    from plant.engines.detailed.settle import Settled
 
 _FIRES = {
     ("two-stroke", "left"): (False, True),
@@ -20,6 +23,9 @@ _FIRES = {
 
 _SLOPE_STEP = 0.005
 _LOW_BEFORE_SPARK_S = 0.2e-3
+
+_FOUR_STROKE_BEGINS = 2
+"""Row of Table 3.1 with which a run begins: the left cylinder's power stroke."""
 
 _FOUR_STROKE_LEAD_TICKS = 2
 """From mid-stroke to spark it is 5 ms in a power stroke, and injection takes 1.4 ms of them."""
@@ -63,15 +69,17 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
     if fires is not None:
         _fill_unfired(scenario, control, fires, c)
-    spark_before_s = _fill_preset(c, control)
+    here = _fill_preset(c, control)
+    if scenario.controller.timing.valves == "controller":
+        _fill_valves(scenario, tree, c, here)
     if c.cycle.kind == "speed":
         return
     spark_m = c.left.length_m - c.cycle.ignition_from_head_m
-    _fill_timing(scenario, control["timing"], spark_before_s, spark_m)
+    _fill_timing(scenario, control["timing"], here.spark_before_s, spark_m)
 
 
-def _fill_preset(c: Calibration, control: dict[str, Any]) -> float:
-    """Give the settled motion that the run begins with; returns how long the spark precedes it."""
+def _fill_preset(c: Calibration, control: dict[str, Any]) -> Settled:
+    """Give the settled motion that the run begins with, and return it."""
     from plant.engines.detailed.settle import settle
 
     load = control["supervisory"]["load_coefficient_n_s_m"]
@@ -87,7 +95,7 @@ def _fill_preset(c: Calibration, control: dict[str, Any]) -> float:
         more = settle(c, preset["fuel_kg"] * (1.0 + _SLOPE_STEP), load)
         slope = _SLOPE_STEP * preset["fuel_kg"] / (more.v_mid_m_s - here.v_mid_m_s)
         preset["fuel_per_speed_kg_s_m"] = slope
-    return here.spark_before_s
+    return here
 
 
 def _give(tree: dict[str, Any], key: str, value: float) -> None:
@@ -115,6 +123,37 @@ def _fill_unfired(
         wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
     given = scenario.controller.timing.model_fields_set
     control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
+
+
+def _fill_valves(scenario: Scenario, tree: dict[str, Any], c: Calibration, here: Settled) -> None:
+    """Take the plant's programme off, and tell the controller where its valves are to move.
+
+    Raises: ConfigError when the engine has no valve lines, or one chamber without exhaust
+    """
+    if c.breathing.ports or c.cycle.kind == "speed" or c.cycle.fires == "left":
+        raise no_valves(scenario, f"engine {c.name}")
+    tree["plant"]["valves"]["moved_by"] = "lines"
+    actuators = scenario.plant.valves
+    wanted: dict[str, Any] = {
+        "cycle": "four-stroke" if c.cycle.kind == "four-stroke" else "two-stroke",
+        "opening_delay_s": actuators.opening_s,
+        "closing_delay_s": actuators.closing_s,
+    }
+    if c.cycle.kind == "four-stroke":
+        wanted |= {"first_stroke": _FOUR_STROKE_BEGINS, "stroke_s": here.strokes_s}
+    else:
+        for key in ("exhaust_opens_m", "exhaust_closes_m", "intake_opens_m", "intake_closes_m"):
+            wanted[key] = getattr(c.cycle, key)
+    given = scenario.controller.valves.model_fields_set
+    tree["controller"]["valves"] |= {k: v for k, v in wanted.items() if k not in given}
+
+
+def no_valves(scenario: Scenario, what: str) -> ConfigError:
+    """Return the refusal of a controller that is to move the valves of what has none."""
+    return ConfigError(
+        f'{scenario.name}: controller.timing.valves = "controller": {what} has no valves for it to '
+        "move; accepted: programme"
+    )
 
 
 def _fill_injectors(scenario: Scenario, tree: dict[str, Any], flow_kg_s: float) -> None:

@@ -30,7 +30,7 @@ from plant.loop import PlantLoop
 from plant.rig.events import Event
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
-from plant.sensors import sample, sensed
+from plant.sensors import sample, sensed, valve_move
 
 
 @final
@@ -106,7 +106,7 @@ def simulate(scenario: Resolved) -> Course:
         seen, power_w, ordered = sample(params, state), math.nan, None
         if tick & 1 == 0:
             power_w = float(nearest(sensed(params, state).electric_power_w))
-        before = state.dead_centre
+        before, valve = state.dead_centre, valve_move(params, state)
         state, events = step(params, state, command)
         if events:
             course.events.extend(events)
@@ -114,7 +114,7 @@ def simulate(scenario: Resolved) -> Course:
             course.dead_centres.append(state.dead_centre)
         if tick == schedule.next_tick:
             ordered = schedule.take()
-        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w)
+        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w, 0, valve)
         mind, output = controller.step.step(law, mind, inputs)
         if said is None or not _says_the_same(output, said):
             command = _command_of(output)

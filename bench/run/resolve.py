@@ -58,6 +58,8 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
     if engine_defaults.is_detailed(scenario):
         engine_defaults.fill(scenario, tree)
+    elif scenario.controller.timing.valves == "controller":
+        raise engine_defaults.no_valves(scenario, f"model {scenario.plant.model}")
     else:
         prototype = scenario.plant.resolved_prototype()
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m

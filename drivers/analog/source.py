@@ -15,7 +15,7 @@ from drivers.system.clock import SystemClock
 from drivers.system.process import Stop, last_words
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
-from hil.config.inputs import InputsConfig, SensorConfig
+from hil.config.hardware import InputsConfig, SensorConfig
 from hil.config.resolved import Resolved
 from hil.config.terms import terms_of
 from hil.errors import ConfigError

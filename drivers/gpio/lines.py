@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
-from hil.config.outputs import OutputsConfig
+from hil.config.hardware import OutputsConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
 from hil.wire.messages import CHANNELS
 

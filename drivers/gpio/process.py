@@ -22,7 +22,7 @@ from drivers.gpio.schedule import EdgeSchedule, PlantClock
 from drivers.recorder.ring import Consumer
 from drivers.system.process import guarded
 from drivers.system.realtime import prepare
-from hil.config.outputs import OutputsConfig
+from hil.config.hardware import OutputsConfig
 from hil.config.process import RealtimeConfig
 from hil.wire.codec import Decoder
 from hil.wire.e2e import MAX_DELTA

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from hil.brought import SUFFIX, name_of
-from hil.config.base import FIXED, LIVE, Section, Tunable, ranged
+from hil.config.base import LIVE, Section, Tunable, ranged
 from hil.config.motion.laws import (
     LearningConfig,
     LoadEstimateConfig,
@@ -19,7 +19,14 @@ from hil.config.motion.laws import (
 )
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
-from hil.config.ranges import STALE_S, DeadTimeS, FlowKgS, StaleS, StartForceN, TdcRefM
+from hil.config.ranges import STALE_S, StaleS, StartForceN, TdcRefM
+from hil.config.timing import (
+    InjectorKnowledge,
+    Metres,
+    StrokeTime,
+    TimingConfig,
+    ValvesKnowledge,
+)
 from hil.wire.commands import LAW, TARGET_POWER_W
 from hil.wire.fields import most_of
 from hil.wire.messages import MachineCommand
@@ -29,11 +36,9 @@ LawName = Annotated[str, Field(pattern=LAW.pattern)]
 
 TargetPowerW = Annotated[float, ranged(TARGET_POWER_W)]
 _WIRE_FORCE_N = most_of(MachineCommand, "force_n")
-Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
 Load = Annotated[float, Field(ge=0.0, le=5000.0)]
 MidSpeed = Annotated[float, Field(gt=0.0, le=8.0)]
-StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class Gains(Tunable):
@@ -130,36 +135,6 @@ class SupervisoryConfig(Tunable):
     throttle: float = Field(default=1.0, gt=0.0, le=1.0)
 
 
-class TimingConfig(Tunable):
-    """When edges are placed (level 4).
-
-    act_ticks: ticks after a sample from which its answer is sure to act; what is due before stays
-    spark_position_m: where the spark is, as distance from mid-stroke; else it comes
-        spark_advance_s before the predicted dead centre
-    fires: which strokes end in a combustion, over and over from the first one of the run
-    trim_reserve: room behind an injection for more fuel, as a share of it, where the law may trim
-    trim_margin_s: time before the dead centre by which also such fuel has flowed
-    """
-
-    spark_position_m: float | None = Field(default=None, gt=0.0, le=0.05)
-    fires: tuple[bool, ...] = Field((True,), min_length=1, max_length=8, json_schema_extra=FIXED)
-    spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
-    spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
-    spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
-    injection_lead_ticks: int = Field(default=3, ge=1, le=20)
-    injection_margin_s: float = Field(default=1.0e-3, ge=0.0, le=5.0e-3)
-    act_ticks: int = Field(default=1, ge=1, le=20)
-    trim_reserve: float = Field(default=0.35, ge=0.0, le=1.0)
-    trim_margin_s: float = Field(default=0.3e-3, ge=0.0, le=5.0e-3)
-
-
-class InjectorKnowledge(Tunable):
-    """What the controller believes of the injectors."""
-
-    static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
-    dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
-
-
 class LimitsConfig(Tunable):
     """The last limit: beyond it the controller goes to its safe state."""
 
@@ -213,6 +188,7 @@ class ControllerConfig(Section):
     supervisory: SupervisoryConfig = SupervisoryConfig()
     timing: TimingConfig = TimingConfig()
     injector: InjectorKnowledge = InjectorKnowledge()
+    valves: ValvesKnowledge = ValvesKnowledge()
     limits: LimitsConfig = LimitsConfig()
     preset: Preset = Preset()
     tuning: Tuning | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 
 from pydantic import Field, create_model, model_validator
 
@@ -94,6 +94,52 @@ class InjectorConfig(Tunable):
     flow_scale_right: FlowScale = 1.0
 
 
+_VALVE_ACTUATORS: dict[str, tuple[float, float, float]] = {
+    "ideal": (0.0, 0.0, 0.0),
+    "solenoid": (3.0e-3, 2.5e-3, 0.03e-3),
+    "pneumatic": (6.0e-3, 8.0e-3, 0.25e-3),
+}
+"""Opening delay, closing delay and standard deviation of both [s], by kind; assumed."""
+
+
+class ValvesConfig(Section):
+    """Valve actuators: how much later than its line a valve moves, and what the piston leaves it.
+
+    moved_by: the piston's programme, or the lines alone but for the settled motion in which a run
+        may begin: there each valve follows the piston until its line's first pulse; the bench sets
+        it from `controller.timing.valves`
+    opening_delay_s, closing_delay_s, spread_s: those of the kind unless given; the spread is the
+        standard deviation of one move
+    pocket_m: depth of the pockets in the piston's crown: an open valve is struck nearer to the
+        head than its lift less this
+    """
+
+    kind: Literal["ideal", "solenoid", "pneumatic"] = "ideal"
+    moved_by: Literal["programme", "lines"] = "programme"
+    opening_delay_s: Annotated[float, Field(ge=0.0, le=0.05)] | None = None
+    closing_delay_s: Annotated[float, Field(ge=0.0, le=0.05)] | None = None
+    spread_s: Annotated[float, Field(ge=0.0, le=5.0e-3)] | None = None
+    pocket_m: Annotated[float, Field(ge=0.0, le=0.02)] = 3.5e-3
+
+    @property
+    def opening_s(self) -> float:
+        """Opening delay in force."""
+        return self._in_force(self.opening_delay_s, 0)
+
+    @property
+    def closing_s(self) -> float:
+        """Closing delay in force."""
+        return self._in_force(self.closing_delay_s, 1)
+
+    @property
+    def deviation_s(self) -> float:
+        """Standard deviation in force."""
+        return self._in_force(self.spread_s, 2)
+
+    def _in_force(self, given: float | None, which: int) -> float:
+        return _VALVE_ACTUATORS[self.kind][which] if given is None else given
+
+
 class FmuConfig(Section):
     """A Functional Mock-up Unit as the engine: `model = "fmu"`, or `model = "fmu:FILE"`.
 
@@ -122,6 +168,7 @@ class PlantConfig(Section):
     engine: EngineOverrides = EngineOverrides()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
+    valves: ValvesConfig = ValvesConfig()
     disturbance: DisturbanceConfig = DisturbanceConfig()
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=LIVE)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution

@@ -13,17 +13,16 @@ from hil.config.controller import (
     FuelKg,
     LimitsConfig,
     Load,
-    Metres,
     MidSpeed,
     OpenLoopConfig,
     Preset,
-    StrokeTime,
     SupervisoryConfig,
 )
 from hil.config.load import read_as
 from hil.config.plant import PlantConfig
 from hil.config.ranges import LoadCoefficient
 from hil.config.scenario import Scenario
+from hil.config.timing import Metres, StrokeTime
 from hil.errors import ConfigError
 
 

@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 from hil.config.base import Section
 from hil.config.controller import ControllerConfig
 from hil.config.events import Event
-from hil.config.inputs import InputsConfig
-from hil.config.outputs import OutputsConfig
+from hil.config.hardware import InputsConfig, OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.config.process import (
     LinkConfig,

@@ -127,6 +127,7 @@ def message(
     """Declare a value whose `__init__` takes `Annotated[..., Signal(...)]` as a wire message.
 
     `per_tick` is how many frames of it one tick carries at the most; bus load is computed from it.
+    Nought is one that is sent now and then in the place of another.
     """
 
     def register(cls: MessageT) -> MessageT:

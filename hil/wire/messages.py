@@ -133,6 +133,33 @@ message(0x101, sender="plant", receiver="controller")(PistonSample)
 
 
 @final
+class ValveMove(Value):
+    """A valve has opened or closed, as its position switch saw it: sent once, in the next tick.
+
+    It takes the place of a pulse: the answer to a tick that carries one has a pulse frame less.
+
+    channel: TTL line of the valve
+    is_open: whether it has opened
+    t_us: the instant on the plant's clock, modulo 2^20
+    """
+
+    __slots__ = ("channel", "is_open", "t_us")
+
+    def __init__(
+        self,
+        channel: A[i64, Signal("u4", values=CHANNELS)],
+        is_open: A[i64, Signal("u1")],
+        t_us: A[i64, Signal("u20", unit="us")],
+    ) -> None:
+        self.channel = channel
+        self.is_open = is_open
+        self.t_us = t_us
+
+
+message(0x102, sender="plant", receiver="controller", per_tick=0)(ValveMove)
+
+
+@final
 class ControllerTick(Value):
     """First frame of the controller's answer: to which sample, how many frames, which mode.
 
@@ -202,7 +229,7 @@ class Pulse(Value):
         self,
         channel: A[i64, Signal("u4", values=CHANNELS)],
         open_us: A[i64, Signal("u20", unit="us")],
-        duration_us: A[i64, Signal("u16", unit="us", minimum=1)],
+        duration_us: A[i64, Signal("u20", unit="us", minimum=1)],
     ) -> None:
         self.channel = channel
         self.open_us = open_us
@@ -212,4 +239,4 @@ class Pulse(Value):
 message(0x202, sender="controller", receiver="plant", per_tick=2)(Pulse)
 
 
-Message = PlantTick | PistonSample | ControllerTick | MachineCommand | Pulse
+Message = PlantTick | PistonSample | ValveMove | ControllerTick | MachineCommand | Pulse

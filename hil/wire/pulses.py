@@ -26,7 +26,7 @@ KINDS: Final = tuple(
 WITHOUT_VALVES: Final = INTAKE_LEFT
 """Lines of an engine whose piston opens its ports: injectors and sparks only."""
 
-LONGEST_US: Final = {INJECTOR: 20_000, SPARK: 20_000, VALVE: 65_535}
+LONGEST_US: Final = {INJECTOR: 20_000, SPARK: 20_000, VALVE: 150_000}
 FURTHEST_US: Final = PULSE_CLOCK_US // 2
 BACK_US: Final = PULSE_CLOCK_US // 4
 """Openings up to this far back count as past, not as the next turn of the clock."""

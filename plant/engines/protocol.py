@@ -63,7 +63,7 @@ NO_CHARGE: Final = Charge(0.0, 1.0)
 class Inputs(Value):
     """What acts on an engine from here on.
 
-    valves: level of each valve line, -1 where the line has never been used (BY_SPARK)
+    valves: of each valve that its line has moved, whether it is open, -1 of any other (BY_SPARK)
     fuel_kg, spark_ns: both charges as they will be by `Ahead.until_ns`, -1 no spark (OF_ITS_OWN)
     """
 
@@ -197,7 +197,7 @@ class Sensed(Value):
 class Engine:
     """An engine: `begin`, `advance`, `sensed`; the rest only where its physics has a use for it.
 
-    ignition: who decides when a charge burns; valves: how many valve lines it has
+    ignition: who decides when a charge burns; valves: how many valve lines it has, and their lift
     splits: whether it can stop at any instant; every_stroke: whether each stroke is to fire
     """
 
@@ -208,12 +208,14 @@ class Engine:
         valves: int = 0,
         splits: bool = True,
         every_stroke: bool = True,
+        valve_lift_m: float = 0.0,
     ) -> None:
         self.load_coefficient_n_s_m = load_coefficient_n_s_m
         self.ignition = ignition
         self.valves = valves
         self.splits = splits
         self.every_stroke = every_stroke
+        self.valve_lift_m = valve_lift_m
 
     def begin(self, charge: Charge | None, load_n_s_m: float) -> Motion:
         """Begin at rest without a charge, else where that charge burns in settled running.
@@ -244,6 +246,10 @@ class Engine:
 
     def light(self, m: Motion, side: int, t_ns: int, fuel_kg: float) -> tuple[Motion, str]:
         """Light a charge; returns why it does not burn, an empty string when it does."""
+        raise NotImplementedError
+
+    def gaps_m(self, m: Motion) -> tuple[float, float]:
+        """Distance of the piston from the left and the right head, of an engine with valves."""
         raise NotImplementedError
 
     def stroke_s(self, m: Motion, machine: Machine, now_ns: int, begun_ns: int) -> float:

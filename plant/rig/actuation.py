@@ -10,6 +10,8 @@ from hil.values import Value
 from hil.wire import pulses
 from hil.wire.messages import SPARK_LEFT, VALVES
 from hil.wire.pulses import Pulse, PulseTable
+from plant.rig import valves
+from plant.rig.valves import IDEAL, UNUSED, ValveActuators, Valves
 
 _FIRST_VALVE = VALVES[0]
 _ALL_LOW = PulseTable()
@@ -19,17 +21,24 @@ _ALL_LOW = PulseTable()
 class Actuation(Value):
     """The lines, and what has come of them since each side's last dead centre."""
 
-    __slots__ = ("table", "fuel_kg", "spark_ns")
+    __slots__ = ("table", "fuel_kg", "spark_ns", "valves")
 
     def __init__(
         self,
         table: PulseTable = _ALL_LOW,
         fuel_kg: tuple[float, float] = (0.0, 0.0),
         spark_ns: tuple[i64, i64] = (-1, -1),
+        valves: Valves = UNUSED,
     ) -> None:
         self.table = table
         self.fuel_kg = fuel_kg
         self.spark_ns = spark_ns
+        self.valves = valves
+
+    @property
+    def next_edge_ns(self) -> i64:
+        """When the next line changes its level, or the next valve moves."""
+        return min(self.table.next_edge_ns, self.valves.next_ns)
 
 
 @final
@@ -45,24 +54,37 @@ class Injector(Value):
 
 def with_table(a: Actuation, table: PulseTable) -> Actuation:
     """Let the lines be others."""
-    return Actuation(table, a.fuel_kg, a.spark_ns)
+    return Actuation(table, a.fuel_kg, a.spark_ns, a.valves)
 
 
-def advance(a: Actuation, injector: Injector, to_ns: float) -> Actuation:
-    """Apply every edge up to and at `to_ns`: an opened spark strikes, a closed injector has fed."""
+def with_valves(a: Actuation, after: Valves) -> Actuation:
+    """Let the valves be others."""
+    return Actuation(a.table, a.fuel_kg, a.spark_ns, after)
+
+
+def advance(
+    a: Actuation, injector: Injector, to_ns: float, actuators: ValveActuators = IDEAL
+) -> Actuation:
+    """Apply every edge up to and at `to_ns`, and every move of a valve.
+
+    An opened spark strikes, a closed injector has fed; a valve's edge moves it after its delay.
+    """
     table, edges = pulses.advance(a.table, to_ns)
     if not edges:
-        return a
-    fuel_kg, spark_ns = a.fuel_kg, a.spark_ns
+        after = valves.moved(a.valves, to_ns)
+        return a if after is a.valves else with_valves(a, after)
+    fuel_kg, spark_ns, after = a.fuel_kg, a.spark_ns, a.valves
     for edge in edges:
         channel = edge.channel
         if channel < SPARK_LEFT:
             if not edge.high:
                 fed_kg = flowed_kg(edge.pulse, injector, channel, float(edge.t_ns))
                 fuel_kg = _with_fuel(fuel_kg, channel, fuel_kg[channel] + fed_kg)
-        elif edge.high and channel < _FIRST_VALVE:
+        elif channel >= _FIRST_VALVE:
+            after = valves.ordered(after, actuators, edge)
+        elif edge.high:
             spark_ns = with_spark(spark_ns, channel - SPARK_LEFT, edge.t_ns)
-    return Actuation(table, fuel_kg, spark_ns)
+    return Actuation(table, fuel_kg, spark_ns, valves.moved(after, to_ns))
 
 
 def flowed_kg(pulse: Pulse, injector: Injector, side: int, t_ns: float) -> float:
@@ -86,7 +108,7 @@ def scavenge(a: Actuation, injector: Injector, side: int, t_ns: float) -> Actuat
     if a.fuel_kg[side] == owed and a.spark_ns[side] < 0:
         return a
     fuel_kg = _with_fuel(a.fuel_kg, side, owed)
-    return Actuation(a.table, fuel_kg, with_spark(a.spark_ns, side, -1))
+    return Actuation(a.table, fuel_kg, with_spark(a.spark_ns, side, -1), a.valves)
 
 
 def _with_fuel(pair_kg: tuple[float, float], side: int, fuel_kg: float) -> tuple[float, float]:

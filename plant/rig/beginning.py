@@ -17,13 +17,14 @@ from plant.engines.protocol import (
     Stop,
 )
 from plant.rig import charges, disturbances
-from plant.rig.actuation import Actuation
+from plant.rig.actuation import Actuation, with_valves
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
 from plant.rig.state import DeadCentre, PlantState, Stroke
 from plant.rig.stroke import begin_at_once, expect, next_stroke, put
+from plant.rig.valves import SHUT
 
 
 def initial_state(
@@ -37,7 +38,8 @@ def initial_state(
     c = load_coefficient_n_s_m
     load = p.engine.load_coefficient_n_s_m if c is None else c
     if fuel_kg is None:
-        return _at(p, p.engine.begin(None, load)), ()
+        s = _at(p, p.engine.begin(None, load))
+        return (s.but(pulses=with_valves(s.pulses, SHUT)) if p.valves.by_lines else s), ()
     return _settled(p, fuel_kg, load)
 
 

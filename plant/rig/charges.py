@@ -111,7 +111,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
         lit = Charge(fuel, eta)
     pulses = actuation.scavenge(s.pulses, p.injector, side, float(t_ns))
     # This spark stays known, so that its charge does not count as unlit.
-    pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns)
+    pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns, pulses.valves)
     return s.but(motion=motion, pulses=pulses, disturbances=d, lit=lit)
 
 

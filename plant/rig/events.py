@@ -9,6 +9,7 @@ from hil.values import Value
 AT_REST: Final = "at-rest"
 IN_MOTION: Final = "in-motion"
 CONTACT: Final = "contact"
+VALVE_CONTACT: Final = "valve-contact"
 MISFIRE: Final = "misfire"
 DISTURBANCE: Final = "disturbance"
 PULSE_REFUSED: Final = "pulse-refused"
@@ -20,6 +21,7 @@ CODES: Final = (
     AT_REST,
     IN_MOTION,
     CONTACT,
+    VALVE_CONTACT,
     MISFIRE,
     DISTURBANCE,
     PULSE_REFUSED,

@@ -67,7 +67,7 @@ def _lines(
         events.append(Event(now_ns, PULSE_REFUSED, f"{text}, for {pulse.duration_us} us"))
     after = actuation.with_table(s.pulses, table)
     if not fires:
-        after = actuation.advance(after, p.injector, float(now_ns))
+        after = actuation.advance(after, p.injector, float(now_ns), p.valves)
     return s.but(pulses=after)
 
 

@@ -15,6 +15,7 @@ from hil.wire.commands import TimedCommand
 from plant.engines.protocol import Engine
 from plant.rig.actuation import Injector
 from plant.rig.disturbances import Edge, compile_edges
+from plant.rig.valves import ValveActuators, actuators_of
 
 SECOND_NS: Final = 1_000_000_000
 
@@ -33,7 +34,7 @@ class PlantParams(Value):
     __slots__ = (
         "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
         "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
-        "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm",
+        "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves",
     )  # fmt: skip
 
     def __init__(
@@ -41,7 +42,7 @@ class PlantParams(Value):
         load_coefficient_n_s_m: float, peak_force_n: float, spark_window_ns: float,
         injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
         noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
-        edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool,
+        edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool, valves: ValveActuators,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -62,6 +63,7 @@ class PlantParams(Value):
         self.edges = edges
         self.delay_ticks = delay_ticks
         self.rearm = rearm
+        self.valves = valves
 
 
 def _injector_of(config: InjectorConfig) -> Injector:
@@ -112,4 +114,5 @@ def rig_params(
         edges=compile_edges(tuple(events.values())),
         delay_ticks=config.command_delay_ticks,
         rearm=rearm,
+        valves=actuators_of(config.valves, seed, engine.valve_lift_m),
     )

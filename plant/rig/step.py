@@ -12,21 +12,20 @@ from typing import Final
 from mypy_extensions import i64
 
 from hil.rounding import nearest
-from hil.wire.messages import VALVES
+from hil.values import replace
 from plant.engines.machine import Machine
 from plant.engines.protocol import (
     AT_DEAD_CENTRE,
-    BY_SPARK,
     OF_ITS_OWN,
     Ahead,
     Inputs,
     Motion,
     Moved,
 )
-from plant.rig import actuation, charges, orders
+from plant.rig import actuation, charges, orders, valves
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
-from plant.rig.events import Event
+from plant.rig.events import VALVE_CONTACT, Event
 from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
 from plant.rig.stroke import act, end_stroke, moved, take_due
@@ -46,6 +45,8 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     Returns: the state at the start of the next tick, and what happened in this one, in order
     """
     events: list[Event] = []
+    if s.pulses.valves.told:  # with the sample of this tick
+        s = s.but(pulses=actuation.with_valves(s.pulses, valves.after_telling(s.pulses.valves)))
     if p.delay_ticks:
         s, command = orders.delayed(p, s, command)
     before = s.machine
@@ -99,7 +100,7 @@ def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
         s = _arrive(p, s, it, held, events)
         now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
     end_ns = (s.tick + 1) * p.period_ns
-    pulses = actuation.advance(s.pulses, p.injector, float(end_ns))
+    pulses = actuation.advance(s.pulses, p.injector, float(end_ns), p.valves)
     return _at_next_tick(s, s.motion, pulses)
 
 
@@ -113,7 +114,7 @@ def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: in
         until_ns = min(max(nearest(due_ns), nearest(now_ns) + 1), end_ns)
     return Ahead(
         start_ns=start_ns, end_ns=end_ns, dt_s=p.dt_s, now_ns=now_ns, used_s=used_s,
-        until_ns=until_ns, edge_ns=s.pulses.table.next_edge_ns, due_s=due_s, due_ns=due_ns,
+        until_ns=until_ns, edge_ns=s.pulses.next_edge_ns, due_s=due_s, due_ns=due_ns,
         stroke_ns=s.stroke.start_ns, part=part,
     )  # fmt: skip
 
@@ -123,23 +124,16 @@ def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
     if p.engine.ignition == OF_ITS_OWN:
         fuel_kg, spark_ns = charges.ahead(p, s, ahead.until_ns)
         return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
-    valves = _levels(s.pulses) if p.engine.ignition == BY_SPARK else _NO_VALVES
-    return Inputs(s.machine, valves, _NO_FUEL, _NO_SPARK)
-
-
-def _levels(pulses: Actuation) -> tuple[int, ...]:
-    """Level of each valve line, -1 before its first pulse."""
-    levels = []
-    for line in pulses.table.lines[VALVES[0] :]:
-        used = line.open is not None or line.last is not None
-        levels.append(int(line.open is not None) if used else -1)
-    return tuple(levels)
+    levels = s.pulses.valves.levels if p.engine.valves else _NO_VALVES
+    return Inputs(s.machine, levels, _NO_FUEL, _NO_SPARK)
 
 
 def _arrive(
     p: PlantParams, s: PlantState, it: Moved, held: Held, events: list[Event]
 ) -> PlantState:
     """Do what there is to be done where the engine has come to."""
+    if p.valves.by_lines:
+        s = _look_at_valves(p, s, it, events)
     if it.stop is not None:
         return end_stroke(p, s, it.motion, it.stop, nearest(it.t_ns), held, events)
     s = moved(p, s, it.motion, nearest(it.t_ns), events)
@@ -150,10 +144,22 @@ def _arrive(
     return s
 
 
+def _look_at_valves(p: PlantParams, s: PlantState, it: Moved, events: list[Event]) -> PlantState:
+    """Tell of a valve that the piston touches: a contact, once for each time that it does."""
+    before = s.pulses.valves
+    struck = valves.strike(before, p.valves, p.engine.gaps_m(it.motion))
+    if struck == before.struck:
+        return s
+    new = valves.names_of(struck & ~before.struck)
+    events.extend(Event(nearest(it.t_ns), VALVE_CONTACT, f"piston against {v}") for v in new)
+    s = replace(s, contacts=s.contacts + len(new))
+    return s.but(pulses=actuation.with_valves(s.pulses, valves.with_struck(before, struck)))
+
+
 def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Let the lines change their levels; a spark lights its charge at once."""
     before = s.pulses.spark_ns
-    pulses = actuation.advance(s.pulses, p.injector, float(s.pulses.table.next_edge_ns))
+    pulses = actuation.advance(s.pulses, p.injector, float(s.pulses.next_edge_ns), p.valves)
     s = s.but(pulses=pulses)
     for side in (charges.LEFT, charges.RIGHT):
         if pulses.spark_ns[side] > before[side]:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from drivers.gpio.process import EdgeDriver
 from drivers.recorder.client import NullRecorder
 from hil import ports
-from hil.config.outputs import OutputsConfig
+from hil.config.hardware import OutputsConfig
 from hil.config.plant import PlantConfig
 from hil.config.ranges import stale_ticks
 from hil.pacing import RealTimePacer

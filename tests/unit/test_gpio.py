@@ -15,8 +15,8 @@ from drivers.gpio.link import OutputLink, OutputProcess, open_outputs, with_outp
 from drivers.gpio.process import HEAD, EdgeDriver, drive, split
 from drivers.links import open_memory
 from drivers.recorder import ring
+from hil.config.hardware import OutputsConfig
 from hil.config.load import build
-from hil.config.outputs import OutputsConfig
 from hil.errors import ConfigError, RunError
 from hil.wire.codec import Encoder
 from hil.wire.messages import ControllerTick, MachineCommand, Pulse

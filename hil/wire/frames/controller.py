@@ -149,7 +149,7 @@ class PulseStream(Stream[Pulse]):
             refuse(message, "open_us")
         word |= open_us << 16
         duration_us = message.duration_us
-        if not 1 <= duration_us <= 65535:
+        if not 1 <= duration_us <= 1048575:
             refuse(message, "duration_us")
         word |= duration_us << 36
         return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
@@ -163,8 +163,8 @@ class PulseStream(Stream[Pulse]):
         if not 0 <= channel <= 7:
             return True
         open_us = word >> 16 & 1048575
-        duration_us = word >> 36 & 65535
-        if not 1 <= duration_us <= 65535:
+        duration_us = word >> 36 & 1048575
+        if not 1 <= duration_us <= 1048575:
             return True
         self.message = Pulse(channel, open_us, duration_us)
         return True

@@ -13,7 +13,7 @@ from mypy_extensions import i64
 from hil.rounding import SHIFT
 from hil.wire.e2e import BYTE_7, PAIR_1_2, PAIR_3_4, PAIR_5_6, counter_marks
 from hil.wire.fields import LAYOUTS
-from hil.wire.messages import PistonSample, PlantTick
+from hil.wire.messages import PistonSample, PlantTick, ValveMove
 from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
@@ -145,7 +145,51 @@ class PistonSampleStream(Stream[PistonSample]):
         return True
 
 
+_VALVE_MOVE_MARKS: Final = counter_marks(LAYOUTS[0x102].data_ids)
+
+
+@final
+class ValveMoveStream(Stream[ValveMove]):
+    """ValveMove on its way in one direction."""
+
+    __slots__ = ()
+
+    def __init__(self) -> None:
+        super().__init__(0x102, _VALVE_MOVE_MARKS)
+
+    def pack(self, message: ValveMove) -> i64:
+        """Return the bare word of a message."""
+        word: i64 = 0
+        channel = message.channel
+        if not 0 <= channel <= 7:
+            refuse(message, "channel")
+        word |= channel << 12
+        is_open = message.is_open
+        if not 0 <= is_open <= 1:
+            refuse(message, "is_open")
+        word |= is_open << 16
+        t_us = message.t_us
+        if not 0 <= t_us <= 1048575:
+            refuse(message, "t_us")
+        word |= t_us << 17
+        return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
+
+    def take(self, counter: i64, word: i64) -> bool:
+        """Go on from a bare word if its CRC is right."""
+        if (PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]) != word & 0xFFF:
+            return False
+        self.counter, self.bare, self.message = counter, word, None
+        channel = word >> 12 & 15
+        if not 0 <= channel <= 7:
+            return True
+        is_open = word >> 16 & 1
+        t_us = word >> 17 & 1048575
+        self.message = ValveMove(channel, is_open, t_us)
+        return True
+
+
 STREAMS: Final[dict[type, Callable[[], Stream[Any]]]] = {
     PlantTick: PlantTickStream,
     PistonSample: PistonSampleStream,
+    ValveMove: ValveMoveStream,
 }

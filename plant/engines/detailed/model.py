@@ -73,7 +73,8 @@ class DetailedEngine(Engine):
     def __init__(self, calibration: Calibration) -> None:
         lines = 0 if calibration.breathing.ports else _VALVE_LINES
         load = calibration.machine.load_coefficient_n_s_m
-        super().__init__(load, BY_SPARK, valves=lines)
+        lift_m = calibration.breathing.lift_m
+        super().__init__(load, BY_SPARK, valves=lines, valve_lift_m=lift_m)
         self.engine = engine_of(calibration, self_timed=False)
         self._work = scratch()
         self._record = np.zeros((_RECORD_ROWS, at.N_REC))
@@ -155,6 +156,11 @@ class DetailedEngine(Engine):
         lit = DetailedState(s.y, d.tobytes(), s.contacts, s.before_s, s.last_s)
         return Motion(m.x_m, m.v_m_s, m.tau_s, m.moving, m.heading, lit), ""
 
+    def gaps_m(self, m: Motion) -> tuple[float, float]:
+        """Distance of the piston from the left and from the right head."""
+        c = self.engine.calibration
+        return c.left.length_m + m.x_m, c.right.length_m - m.x_m
+
     def stroke_s(self, m: Motion, _machine: Machine, _now_ns: int, _begun_ns: int) -> float:
         """The last stroke the same way; how this one ends is not known before it is over."""
         return _state(m).before_s
@@ -196,7 +202,7 @@ def _motion(
 def _set_valves(levels: tuple[int, ...], d: Array) -> None:
     """Let each valve follow its TTL line from the line's first pulse on, and no longer the piston.
 
-    A step profile: open while the line is high (thesis section 3.3.3).
+    A step profile: open or shut (thesis section 3.3.3).
     """
     for number, level in enumerate(levels):
         if level < 0:

@@ -25,6 +25,7 @@ class Settled(NamedTuple):
 
     spark_before_s: from the spark to the dead centre
     v_mid_m_s, stroke_s: speed at mid-stroke and duration of the power stroke that follows
+    strokes_s: duration of each stroke of a cycle from that one on
     """
 
     y: Array
@@ -33,6 +34,7 @@ class Settled(NamedTuple):
     v_mid_m_s: float
     stroke_s: float
     spark_before_s: float
+    strokes_s: tuple[float, ...]
 
 
 def calibration_of(config: PlantConfig) -> Calibration:
@@ -112,14 +114,15 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
         if not to_dead_centre():
             return None
     last = strokes(motion)[-rows:]
-    stroke_s = last[0, at.REC_T] - begun
+    ends_s = last[:, at.REC_T]
+    strokes_s = tuple(float(s) for s in np.diff(ends_s, prepend=begun))
     last = last[compressed(engine, last)]
     spark = d[at.T] - d[at.CYL + at.SPARK_T]
-    return _at_time_zero(y, d, float(np.mean(np.abs(last[:, at.REC_X]))), v_mid, stroke_s, spark)
+    return _at_time_zero(y, d, float(np.mean(np.abs(last[:, at.REC_X]))), v_mid, strokes_s, spark)
 
 
 def _at_time_zero(
-    y: Array, d: Array, tdc_m: float, v_mid: float, stroke_s: float, spark_s: float
+    y: Array, d: Array, tdc_m: float, v_mid: float, strokes_s: tuple[float, ...], spark_s: float
 ) -> Settled:
     """Count time and energies from this dead centre."""
     y, d = y.copy(), d.copy()
@@ -131,7 +134,7 @@ def _at_time_zero(
         if d[e + at.SPARK_T] < at.NEVER:
             d[e + at.SPARK_T] -= now
     y[at.SUM :] = 0.0
-    return Settled(y, d, tdc_m, v_mid, float(stroke_s), float(spark_s))
+    return Settled(y, d, tdc_m, v_mid, strokes_s[0], float(spark_s), strokes_s)
 
 
 def _speed_at_mid_stroke(engine: Engine, motion: Motion) -> float:
