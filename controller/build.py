@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from controller import supervisory
 from controller.loop import ControllerLoop
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
@@ -17,6 +16,7 @@ from controller.motion.laws import LAWS
 from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
+from controller.supervisory import Supervisor
 from controller.timing.plan import NO_PLAN
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES
@@ -37,19 +37,20 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     Raises: ConfigError when there is no such law, or it cannot work with the configuration
     """
     engine, limits = PROTOTYPES[prototype], config.limits
-    start = supervisory.initial(config, engine)
+    limit_m = engine.position_limit_m if limits.tdc_m is None else limits.tdc_m
+    supervisor = Supervisor(config, engine, float(period_ns) * 1e-9, limit_m)
+    start = supervisor.initial()
     stroke_map = calibrate(
         config.stroke_map, engine, start.tdc_ref_m, start.load_n_s_m, start.point
     )
     check(config.name, stroke_map)
     bounds = Bounds(
-        limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
+        limit_m=limit_m,
         stale_ticks=stale_ticks(limits.stale_s, period_ns),
         misfires=limits.misfires,
         motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
         unheard_ns=round(limits.stale_s * 1e9),
     )
-    full_load = supervisory.full_load(config, engine)
     laws = {name: law(config) for name, law in LAWS.items()}
     is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
     most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
@@ -57,7 +58,7 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
         engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
         all(config.timing.fires), most_n,
     )  # fmt: skip
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible)
+    return Params(config, engine, period_ns, bounds, supervisor, stroke_map, laws, possible)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:
@@ -70,7 +71,7 @@ def initial_mode(config: ControllerConfig) -> Mode:
 def initial_state(params: Params) -> State:
     """The state before the first tick: running in the steady state, or off."""
     config = params.config
-    set_points = supervisory.initial(config, params.engine)
+    set_points = params.supervisor.initial()
     steady_kg = set_points.point.fuel_kg
     return State(
         motion=Motion(tdc_m=set_points.tdc_ref_m),

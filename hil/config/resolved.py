@@ -12,18 +12,17 @@ from hil.config.controller import (
     ControllerConfig,
     FuelKg,
     LimitsConfig,
-    Load,
     Metres,
     MidSpeed,
     OpenLoopConfig,
     Preset,
     StrokeTime,
-    SupervisoryConfig,
 )
 from hil.config.load import read_as
 from hil.config.plant import PlantConfig
-from hil.config.ranges import LoadCoefficient
+from hil.config.ranges import CommandedLoad, LoadCoefficient
 from hil.config.scenario import Scenario
+from hil.config.supervisory.section import SupervisoryConfig
 from hil.errors import ConfigError
 
 
@@ -42,7 +41,7 @@ class ResolvedOpenLoop(OpenLoopConfig):
 class ResolvedSupervisory(SupervisoryConfig):
     """The load coefficient is the engine's unless given."""
 
-    load_coefficient_n_s_m: Load
+    load_coefficient_n_s_m: CommandedLoad
 
 
 class ResolvedLimits(LimitsConfig):
