@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from controller import supervisory
 from controller.loop import ControllerLoop
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
@@ -16,6 +15,7 @@ from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
+from controller.supervisory import Supervisor
 from controller.timing.plan import NO_PLAN
 from controller.timing.valve_table import table_of
 from controller.timing.valves import initial as timing_of_valves
@@ -38,20 +38,21 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     Raises: ConfigError when there is no such law, or it cannot work with the configuration
     """
     engine, limits = PROTOTYPES[prototype], config.limits
-    start = supervisory.initial(config, engine)
+    limit_m = engine.position_limit_m if limits.tdc_m is None else limits.tdc_m
+    supervisor = Supervisor(config, engine, float(period_ns) * 1e-9, limit_m)
+    start = supervisor.initial()
     stroke_map = calibrate(
         config.stroke_map, engine, start.tdc_ref_m, start.load_n_s_m, start.point
     )
     laws = make_laws(config)
     check(config.name, laws, stroke_map)
     bounds = Bounds(
-        limit_m=engine.position_limit_m if limits.tdc_m is None else limits.tdc_m,
+        limit_m=limit_m,
         stale_ticks=stale_ticks(limits.stale_s, period_ns),
         misfires=limits.misfires,
         motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
         unheard_ns=round(limits.stale_s * 1e9),
     )
-    full_load = supervisory.full_load(config, engine)
     is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
     most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
     possible = possible_of(
@@ -61,7 +62,7 @@ def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Par
     table = None
     if config.timing.valves == "controller":
         table = table_of(config.valves, engine.half_stroke_m, not config.running)
-    return Params(config, engine, period_ns, bounds, full_load, stroke_map, laws, possible, table)
+    return Params(config, engine, period_ns, bounds, supervisor, stroke_map, laws, possible, table)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:
@@ -74,7 +75,7 @@ def initial_mode(config: ControllerConfig) -> Mode:
 def initial_state(params: Params) -> State:
     """The state before the first tick: running in the steady state, or off."""
     config = params.config
-    set_points = supervisory.initial(config, params.engine)
+    set_points = params.supervisor.initial()
     steady_kg, valves = set_points.point.fuel_kg, None
     if params.valve_table is not None:
         valves = timing_of_valves(

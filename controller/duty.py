@@ -52,7 +52,6 @@ class DutyCommands(CommandSource):
     """A command source that speaks for the service itself first, then passes another one on."""
 
     def __init__(self, source: CommandSource) -> None:
-        self.target_power_w: float | None = None
         self.stopped = False
         self._source = source
         self._waiting: deque[tuple[str, bytes]] = deque()
@@ -81,7 +80,7 @@ class DutyCommands(CommandSource):
             self._source.answer(is_taken, tick, text)
 
     def _note(self, origin: str, raw: bytes) -> None:
-        """Remember a stop, and a target power, which the set points in force no longer tell."""
+        """Remember a stop."""
         try:
             command = parse(raw, origin)
         except ConfigError:
@@ -89,9 +88,6 @@ class DutyCommands(CommandSource):
         if command is None:
             return  # the plant's
         self.stopped = self.stopped or command.kind == "stop"
-        power_w = command.number("target_power_w")
-        if power_w is not None:
-            self.target_power_w = power_w
 
 
 class Resumption:
@@ -142,10 +138,11 @@ class Duty:
         """Feed the watchdog, keep the duty, take new set points."""
         state = loop.state
         self._resumption.attend(state.mode, self.commands, stale=state.stale)
+        target = state.set_points.target
         facts = {
             "running": state.mode in RUNNING or self._resumption.tries_left > 0,
             "tdc_ref_m": state.set_points.tdc_ref_m,
-            "target_power_w": self.commands.target_power_w,
+            "target_power_w": None if target is None else target.asked_w,
         }
         self._caretaker.keep(facts)
         answered = state.stale == 0

@@ -51,13 +51,18 @@ def operating_point(engine: Prototype, tdc_m: float, load_n_s_m: float) -> Opera
     X = F0 / (c omega) and m omega^2 = k0 + gamma E / Ls^2, with F0 = 4 E / (pi Ls), give
     m omega^2 - (pi gamma c X / (4 Ls)) omega - k0 = 0     (thesis eqs. 5.56 to 5.60)
     """
-    fuel, v_mid, stroke = _steady(engine, tdc_m, load_n_s_m)
-    more_fuel, more_v, _ = _steady(engine, tdc_m * (1.0 + _SLOPE_STEP), load_n_s_m)
-    less_fuel, less_v, _ = _steady(engine, tdc_m * (1.0 - _SLOPE_STEP), load_n_s_m)
-    return OperatingPoint(fuel, v_mid, stroke, (more_fuel - less_fuel) / (more_v - less_v))
+    fuel, v_mid, stroke = steady(engine, tdc_m, load_n_s_m)
+    return OperatingPoint(fuel, v_mid, stroke, fuel_per_speed(engine, tdc_m, load_n_s_m))
 
 
-def _steady(engine: Prototype, tdc_m: float, load_n_s_m: float) -> tuple[float, float, float]:
+def fuel_per_speed(engine: Prototype, tdc_m: float, load_n_s_m: float) -> float:
+    """By how much more fuel the steady speed rises, at the same load [kg s/m]."""
+    more_fuel, more_v, _ = steady(engine, tdc_m * (1.0 + _SLOPE_STEP), load_n_s_m)
+    less_fuel, less_v, _ = steady(engine, tdc_m * (1.0 - _SLOPE_STEP), load_n_s_m)
+    return (more_fuel - less_fuel) / (more_v - less_v)
+
+
+def steady(engine: Prototype, tdc_m: float, load_n_s_m: float) -> tuple[float, float, float]:
     """Fuel, speed at mid-stroke and duration of a stroke of that steady state."""
     m, k0, Ls = engine.moving_mass_kg, engine.rest_stiffness_n_m, engine.half_stroke_m
     b = math.pi * engine.gamma * load_n_s_m * tdc_m / (4.0 * Ls)

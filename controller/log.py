@@ -17,6 +17,7 @@ from hil.log import packing, topics
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""
 
+_NAN: Final = float("nan")
 _FAULT_MODES: Final = (Mode.SAFE,)
 
 
@@ -99,5 +100,11 @@ def _add_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> None:
     packing.stroke(
         stroke.number, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
         demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
-        demand.inner_p_kg, demand.inner_i_kg,
+        demand.inner_p_kg, demand.inner_i_kg, _known(stroke.speed_hz),
+        _known(stroke.power_w), _known(stroke.power_ref_w),
     )  # fmt: skip
+
+
+def _known(value: float | None) -> float:
+    """A figure of a stroke, nan when it is not known."""
+    return _NAN if value is None else value

@@ -14,8 +14,9 @@ from controller.actuator import messages
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Events, Inputs, Output, Params, State, StrokeReport
+from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.step import step
+from controller.supervisory import Events
 from hil import snapshot
 from hil.errors import ConfigError
 from hil.log import topics
@@ -248,6 +249,9 @@ class ControllerLoop:
             tdc_mm=None if stroke is None else stroke.tdc_m * 1e3,
             tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,
             fuel_mg=None if stroke is None else stroke.demand.fuel_kg * 1e6,
+            speed_hz=None if stroke is None else stroke.speed_hz,
+            power_w=None if stroke is None else stroke.power_w,
+            power_ref_w=None if stroke is None else stroke.power_ref_w,
             load_n_s_m=output.machine.load_n_s_m,
             stale=state.stale,
             late_samples=self.late,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from controller import supervisory
 from controller.motion.choice import refusal
 from controller.observe.estimate import NOTHING
-from controller.state import Events, Params, State, view_of
+from controller.state import Params, State, view_of
+from controller.supervisory import Events
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
 
@@ -15,16 +15,16 @@ def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State,
     reason = _refusal(params, command)
     if reason:
         return state, (("command-refused", reason),)
+    told: Events = ()
     if command.kind == "set-point":
-        set_points = supervisory.change(
-            params.config, params.engine, state.set_points, command.number("tdc_ref_m"),
-            command.number("target_power_w"), params.bounds.limit_m,
-        )  # fmt: skip
+        set_points, told = params.supervisor.changed(
+            state.set_points, command.number("tdc_ref_m"), command.number("target_power_w")
+        )
         state = replace(state, set_points=set_points)
     law = command.text("law")
     if law is not None:
         state = _with_law(params, state, law)
-    return state, (("command", command.describe()),)
+    return state, (("command", command.describe()), *told)
 
 
 def _refusal(params: Params, command: OperatorCommand) -> str:

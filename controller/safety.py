@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Final, final
+from typing import final
 
 from controller.actuator import Machine
 from controller.motion.law import Demand
+from controller.performance import LOAD_MAX_N_S_M
 from hil.config.controller import LimitsConfig
-
-LOAD_MAX_N_S_M: Final = 10_000.0
-"""What the wire carries at the most."""
 
 
 @final

@@ -15,8 +15,9 @@ from controller.motion.law import Demand, Law, View
 from controller.motion.maps.stroke_map import StrokeMap
 from controller.observe.estimate import Motion, Passed
 from controller.observe.possible import Possible
+from controller.observe.power import UNMETERED, Metering
 from controller.safety import Limits
-from controller.supervisory import SetPoints
+from controller.supervisory import Events, SetPoints, Supervisor
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
 from controller.timing.valve_table import ValveTable
 from controller.timing.valves import ValveTiming
@@ -50,7 +51,7 @@ class Params:
 
     def __init__(
         self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
-        full_load_n_s_m: float, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
+        supervisor: Supervisor, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
         possible: Possible, valve_table: ValveTable | None = None,
     ) -> None:  # fmt: skip
         self.config = config
@@ -58,7 +59,7 @@ class Params:
         self.period_ns = period_ns
         self.dt_s = float(period_ns) * 1e-9
         self.bounds = bounds
-        self.full_load_n_s_m = full_load_n_s_m
+        self.supervisor = supervisor
         self.stroke_map = stroke_map
         self.possible = possible
         self.valve_table = valve_table
@@ -85,13 +86,13 @@ class State(Value):
 
     __slots__ = (
         "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
-        "valves",
+        "valves", "metering",
     )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
-        valves: ValveTiming | None = None,
+        valves: ValveTiming | None = None, metering: Metering = UNMETERED,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -102,6 +103,7 @@ class State(Value):
         self.pulses = pulses
         self.ahead = ahead
         self.valves = valves
+        self.metering = metering
 
     @property
     def in_force(self) -> Plan:
@@ -139,13 +141,17 @@ class Inputs(Value):
 
 @final
 class StrokeReport(Value):
-    """One finished stroke, for the log."""
+    """One finished stroke, for the log; speed, power and its target are None when not known."""
 
-    __slots__ = ("number", "side", "tdc_m", "tdc_ref_m", "v_mid_m_s", "demand")
+    __slots__ = (
+        "number", "side", "tdc_m", "tdc_ref_m", "v_mid_m_s", "demand", "speed_hz", "power_w",
+        "power_ref_w",
+    )  # fmt: skip
 
     def __init__(
         self, number: i64, side: i64, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
-        demand: Demand,
+        demand: Demand, speed_hz: float | None = None, power_w: float | None = None,
+        power_ref_w: float | None = None,
     ) -> None:  # fmt: skip
         self.number = number
         self.side = side
@@ -153,10 +159,9 @@ class StrokeReport(Value):
         self.tdc_ref_m = tdc_ref_m
         self.v_mid_m_s = v_mid_m_s
         self.demand = demand
-
-
-Events = tuple[tuple[str, str], ...]
-"""(code, text) of each."""
+        self.speed_hz = speed_hz
+        self.power_w = power_w
+        self.power_ref_w = power_ref_w
 
 
 @final

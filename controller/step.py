@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from mypy_extensions import i64
 
-from controller import actuator, safety, supervisory
+from controller import actuator, safety
 from controller.actuator import Machine
 from controller.anticipation import braking, end_of_stroke, ordered_ahead, turned, unasked
 from controller.knowledge import motoring_force
@@ -21,6 +21,7 @@ from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND, Law, View
 from controller.motion.prediction import seconds_ahead
+from controller.observe import power
 from controller.observe.estimate import (
     Motion,
     Observation,
@@ -28,8 +29,8 @@ from controller.observe.estimate import (
     seconds_to_dead_centre,
 )
 from controller.orders import obey
-from controller.state import Events, Inputs, Output, Params, State, StrokeReport, view_of
-from controller.supervisory import SetPoints
+from controller.state import Inputs, Output, Params, State, StrokeReport, view_of
+from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position, valves
 from controller.timing.advance import is_far, postponed
 from controller.timing.injection import plan_injection, retime_injection
@@ -56,13 +57,16 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         seen = turned(params, state, seen)
     judged, before = state.operation.fired_t_ns, state.motion
     state, events = _operate(params, state, seen, inputs.command)
-    set_points = supervisory.slew(params.config, params.engine, state.set_points, params.dt_s)
-    stroke = None
+    set_points = params.supervisor.slew(state.set_points, params.dt_s)
+    metering, stroke = state.metering, None
     if seen.passed.dead_centre:
-        stroke = _report(params, state, seen.motion, set_points)
-        set_points = supervisory.approach(
-            params.config, params.engine, set_points, params.bounds.limit_m
-        )
+        metering = power.ended(metering, seen.motion.dc_t_ns)
+        stroke = _report(params, state, seen.motion, set_points, metering.mean_w)
+        if seen.whole:
+            set_points, told = _regulated(params, state, seen.motion, set_points, metering.mean_w)
+            events = (*events, *told) if told else events
+        set_points = params.supervisor.approach(set_points)
+    metering = power.read(metering, t_ns, inputs.power_w)
     fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
     mode = state.operation.mode
     if plan.fuel_kg > 0.0:
@@ -77,8 +81,9 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     )
     moved, sent = _with_valves(params, state.valves, before, seen, inputs, mode, pulses)
     after = State(
-        seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved
-    )
+        seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved,
+        metering,
+    )  # fmt: skip
     return after, Output(mode, machine, set_points.throttle, sent, stroke, events)
 
 
@@ -117,15 +122,30 @@ def _entered(params: Params, state: State) -> State:
     return replace(state, fuelling=fuelling, plan=NO_PLAN, pulses=(), ahead=NO_PLAN)
 
 
+def _regulated(
+    params: Params, state: State, motion: Motion, set_points: SetPoints, power_w: float | None
+) -> tuple[SetPoints, Events]:
+    """Level 2: the load by the power of the stroke that has ended, once the law is in charge."""
+    if not _is_steered(params, state):
+        return set_points, ()
+    most_kg = params.limits.most_kg(set_points.throttle)
+    is_low = set_points.tdc_ref_m - motion.tdc_m > SHORT_M
+    is_short = is_low and state.fuelling.demand.fuel_kg >= most_kg
+    return params.supervisor.regulated(set_points, power_w, is_short)
+
+
 def _report(
-    params: Params, state: State, motion: Motion, set_points: SetPoints
+    params: Params, state: State, motion: Motion, set_points: SetPoints, power_w: float | None
 ) -> StrokeReport | None:
     """The stroke that has ended, if it was one to end in a combustion."""
     if not params.timings.fire(motion.stroke - 1):
         return None
+    begun_ns, target = state.motion.dc_t_ns, set_points.target
+    lasted_s = float(motion.dc_t_ns - begun_ns) * 1e-9
     return StrokeReport(
         motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
-        state.fuelling.demand,
+        state.fuelling.demand, 0.5 / lasted_s if begun_ns >= 0 and lasted_s > 0.0 else None,
+        power_w, None if target is None else target.within_w,
     )  # fmt: skip
 
 
@@ -176,9 +196,13 @@ def _burnt(state: State, motion: Motion) -> Fuelling:
 
 def _may_watch(params: Params, state: State, seen: Observation) -> bool:
     """A law watches the ticks in which it would also be asked for fuel, and a sample came."""
+    return seen.stale == 0 and _is_steered(params, state)
+
+
+def _is_steered(params: Params, state: State) -> bool:
+    """Whether the law steers the engine: generating, and the open strokes of a start are over."""
     operation = state.operation
-    generating = operation.mode is GENERATING and seen.stale == 0
-    return generating and operation.fired_strokes >= params.start.open_strokes
+    return operation.mode is GENERATING and operation.fired_strokes >= params.start.open_strokes
 
 
 def _is_to_fire(params: Params, state: State, motion: Motion, set_points: SetPoints) -> bool:
@@ -282,4 +306,4 @@ def _machine(
         if not start.constant_force:
             force = direction * min(start.force_n, motoring_force(
                 params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
-    return actuator.machine_for(mode, force, load_n_s_m, params.full_load_n_s_m)
+    return actuator.machine_for(mode, force, load_n_s_m, params.supervisor.full_load_n_s_m)

@@ -1,16 +1,95 @@
 """Level 2, supervisory: TDC set point, throttle and external load from a target power.
 
-Without a target power the configured load holds (thesis section 6.1.3, level 2).
+The load for a power comes from what is known of the engine (controller/performance.py) and is
+corrected by the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref
+once a stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
 """
 
 from __future__ import annotations
 
-from typing import final
+from typing import Final, final
 
-from controller.knowledge import OperatingPoint, load_for_power, operating_point
+from mypy_extensions import i64
+
+from controller.knowledge import OperatingPoint
+from controller.performance import LOAD_MAX_N_S_M, Performance, Reach, full_load
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value, replace
+
+LEAST_W: Final = 1.0
+"""The error of a smaller target is a share of this."""
+
+NEWEST: Final = 0.2
+"""Part of the newest stroke in the average of the power.
+
+A load acts on the dead centres at once, and on the power only once the fuel has followed: without
+the average the two loops would excite each other.
+"""
+
+WITHIN: Final = 0.02
+"""Share of the target by which the power may be off once a limit is no longer told."""
+
+SHORT_STROKES: Final = 4
+"""So many strokes in a row on all the fuel there may be, and the load is taken back."""
+
+SHORT_M: Final = 0.1e-3
+"""By so much at the least their dead centres fall short."""
+
+_SHORT_STEP: Final = 0.02
+"""Share of the load that each further one takes off."""
+
+POWER_LIMITED: Final = "power-limited"
+POWER_WITHIN_REACH: Final = "power-within-reach"
+LOAD_RATE_LIMITED: Final = "load-rate-limited"
+
+Events = tuple[tuple[str, str], ...]
+"""(code, text) of each."""
+
+_NONE: Final[Events] = ()
+
+
+@final
+class Target(Value):
+    """A target power.
+
+    asked_w, within_w: as it was asked for, and as far as the engine reaches
+    base_n_s_m, trim: load for it as far as the engine is known, and the correction as a share
+    limit, held: what keeps the engine from it, as foreseen and as it has shown
+    told: what has been told of that
+    power_w: power measured, averaged over some strokes, None before the first
+    short: strokes in a row that all the fuel there may be did not bring to the set point
+    """
+
+    __slots__ = (
+        "asked_w", "within_w", "base_n_s_m", "trim", "limit", "held", "told", "short",
+        "power_w",
+    )  # fmt: skip
+
+    def __init__(
+        self, asked_w: float, within_w: float, base_n_s_m: float, trim: float = 0.0,
+        limit: str = "", held: str = "", told: str = "", short: i64 = 0,
+        power_w: float | None = None,
+    ) -> None:  # fmt: skip
+        self.asked_w = asked_w
+        self.within_w = within_w
+        self.base_n_s_m = base_n_s_m
+        self.trim = trim
+        self.limit = limit
+        self.held = held
+        self.told = told
+        self.short = short
+        self.power_w = power_w
+
+    @property
+    def load_n_s_m(self) -> float:
+        """The load that is to deliver it [N s/m]."""
+        return min(self.base_n_s_m * (1.0 + self.trim), LOAD_MAX_N_S_M)
+
+    @property
+    def in_the_way(self) -> str:
+        """What keeps the engine from it; an empty string when nothing does."""
+        return self.held or self.limit
 
 
 @final
@@ -23,11 +102,12 @@ class SetPoints(Value):
 
     __slots__ = (
         "tdc_ref_m", "tdc_target_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point",
+        "target",
     )  # fmt: skip
 
     def __init__(
         self, tdc_ref_m: float, tdc_target_m: float, load_n_s_m: float, load_target_n_s_m: float,
-        throttle: float, point: OperatingPoint,
+        throttle: float, point: OperatingPoint, target: Target | None = None,
     ) -> None:  # fmt: skip
         self.tdc_ref_m = tdc_ref_m
         self.tdc_target_m = tdc_target_m
@@ -35,105 +115,161 @@ class SetPoints(Value):
         self.load_target_n_s_m = load_target_n_s_m
         self.throttle = throttle
         self.point = point
+        self.target = target
 
 
-def initial(config: ControllerConfig, engine: Prototype) -> SetPoints:
-    """Set points at the start of the run."""
-    tdc = config.tdc_ref_m or engine.tdc_ref_m
-    load = target_load(config, engine, tdc, config.supervisory.target_power_w)
-    point = with_preset(config, engine, tdc, load)
-    return SetPoints(tdc, tdc, load, load, config.supervisory.throttle, point)
+@final
+class Supervisor:
+    """The layer for one configuration; what changes is its `SetPoints`."""
+
+    def __init__(
+        self, config: ControllerConfig, engine: Prototype, period_s: float, limit_m: float
+    ) -> None:
+        section = config.supervisory
+        self._limit_m = limit_m
+        self._tdc_step_m = section.tdc_step_m
+        self.performance = Performance(config, engine, period_s)
+        self.full_load_n_s_m = full_load(config, engine)
+        self._target_w = section.target_power_w
+        self._throttle = section.throttle
+        self._slew_n_s_m_s = section.load_slew_n_s_m_per_s
+        self._gain = section.power_gain
+        self._trim_most = section.trim_most
+        self._chooses = section.choice == "efficiency"
+
+    def initial(self) -> SetPoints:
+        """Set points at the start of the run."""
+        known = self.performance
+        tdc_m, load, target_w = known.tdc_m, known.load_n_s_m, self._target_w
+        throttle = self._throttle
+        if target_w is not None and self._chooses:
+            throttle = known.best(target_w)[1]
+        now = SetPoints(tdc_m, tdc_m, load, load, throttle, known.point(tdc_m, load))
+        if target_w is None:
+            return now
+        return self._aimed(now, target_w, known.at_start(target_w, throttle))
+
+    def changed(
+        self, now: SetPoints, tdc_ref_m: float | None, power_w: float | None
+    ) -> tuple[SetPoints, Events]:
+        """Take new set points from the operator; a target power is kept at another dead centre."""
+        tdc, throttle = now.tdc_target_m, now.throttle
+        if tdc_ref_m is not None:
+            tdc = tdc_ref_m
+        elif power_w is not None and self._chooses:
+            tdc, throttle = self.performance.best(power_w)
+        after = self.approach(replace(now, tdc_target_m=tdc, throttle=throttle))
+        if power_w is None and now.target is not None:
+            power_w = now.target.asked_w
+        if power_w is None:
+            return after, _NONE
+        reach = self.performance.reach(tdc, power_w, throttle)
+        after, events = _told(self._aimed(after, power_w, reach))
+        gap = abs(after.load_target_n_s_m - after.load_n_s_m)
+        if gap > self._slew_n_s_m_s * after.point.stroke_s:
+            text = f"load {after.load_n_s_m:.1f} to {after.load_target_n_s_m:.1f} N s/m takes "
+            text = (
+                f"{text}{gap / self._slew_n_s_m_s:.3f} s at {self._slew_n_s_m_s:g} N s/m a second"
+            )
+            events = (*events, (LOAD_RATE_LIMITED, text))
+        return after, events
+
+    def _aimed(self, now: SetPoints, asked_w: float, reach: Reach) -> SetPoints:
+        """Aim at a power, as far as the engine reaches; what was learnt of its load stays."""
+        load, within_w = reach.load_n_s_m, asked_w
+        if reach.limit:
+            within_w = self.performance.steady(now.tdc_target_m, load).power_w
+        before = now.target
+        target = Target(asked_w, within_w, load, limit=reach.limit)
+        if before is not None:
+            target = replace(
+                before, asked_w=asked_w, within_w=within_w, base_n_s_m=load, limit=reach.limit,
+                held="",
+            )  # fmt: skip
+        return replace(now, target=target, load_target_n_s_m=target.load_n_s_m)
+
+    def approach(self, now: SetPoints) -> SetPoints:
+        """Move the TDC set point towards its target by what one stroke allows.
+
+        That is `tdc_step_m`, and towards the head half of the room that is left: an overshoot as
+        large as the step itself stays inside the position limit.
+        """
+        if now.tdc_ref_m == now.tdc_target_m:
+            return now
+        step_m = self._tdc_step_m
+        most = now.tdc_ref_m + min(step_m, max(0.5 * (self._limit_m - now.tdc_ref_m), 0.0))
+        tdc_m = max(min(now.tdc_target_m, most), now.tdc_ref_m - step_m)
+        point = self.performance.point(tdc_m, now.load_n_s_m)
+        return replace(now, tdc_ref_m=tdc_m, point=point)
+
+    def slew(self, now: SetPoints, dt: float) -> SetPoints:
+        """Move the load towards its target by what one tick allows."""
+        if now.load_n_s_m == now.load_target_n_s_m:
+            return now
+        most = self._slew_n_s_m_s * dt
+        gap = now.load_target_n_s_m - now.load_n_s_m
+        load = now.load_target_n_s_m
+        if abs(gap) > most:
+            load = now.load_n_s_m + (most if gap > 0 else -most)
+        point = self.performance.point(now.tdc_ref_m, load)
+        return SetPoints(
+            now.tdc_ref_m,
+            now.tdc_target_m,
+            load,
+            now.load_target_n_s_m,
+            now.throttle,
+            point,
+            now.target,
+        )
+
+    def regulated(
+        self, now: SetPoints, power_w: float | None, is_short: bool
+    ) -> tuple[SetPoints, Events]:
+        """Correct the load by the mean power of a stroke.
+
+        Parameters: power_w : None when it is not known; is_short : all the fuel that there may be
+        did not bring the piston to its set point
+        """
+        target = now.target
+        if target is None or power_w is None:
+            return now, _NONE
+        if target.power_w is not None:
+            power_w = target.power_w + NEWEST * (power_w - target.power_w)
+        if now.load_n_s_m != now.load_target_n_s_m:  # still on its way to what was asked for
+            return replace(now, target=replace(target, power_w=power_w)), _NONE
+        target = self._corrected(target, power_w, is_short)
+        return _told(replace(now, target=target, load_target_n_s_m=target.load_n_s_m))
+
+    def _corrected(self, target: Target, power_w: float, is_short: bool) -> Target:
+        """Move the correction by a part of the error, within its limit.
+
+        A stroke that lacks fuel asks for no more load, and several of them for less.
+        """
+        error = (target.within_w - power_w) / max(target.within_w, LEAST_W)
+        short: i64 = target.short + 1 if is_short else 0
+        step = self._gain * (min(error, 0.0) if is_short else error)
+        held, most = "", self._trim_most
+        if short >= SHORT_STROKES:
+            step -= _SHORT_STEP
+            held = "the fuel that there may be does not hold the dead centre"
+        trim = min(max(target.trim + step, -most), most)
+        if abs(trim) == most and abs(error) > WITHIN:
+            held = f"supervisory.trim_most, {most:g}, at {power_w:.0f} W"
+        if abs(error) > WITHIN:
+            held = target.held or held  # until the power is there again
+        return Target(
+            target.asked_w, target.within_w, target.base_n_s_m, trim, target.limit, held,
+            target.told, short, power_w,
+        )  # fmt: skip
 
 
-def nominal_load(config: ControllerConfig, engine: Prototype) -> float:
-    """Load coefficient without a target power [N s/m]."""
-    configured = config.supervisory.load_coefficient_n_s_m
-    return engine.load_coefficient_n_s_m if configured is None else configured
-
-
-def target_load(
-    config: ControllerConfig, engine: Prototype, tdc_m: float, power_w: float | None
-) -> float:
-    """Load coefficient for a target power, within what the machine can do [N s/m]."""
-    if power_w is None:
-        return nominal_load(config, engine)
-    return min(load_for_power(engine, tdc_m, power_w), full_load(config, engine))
-
-
-def full_load(config: ControllerConfig, engine: Prototype) -> float:
-    """Load coefficient of the safe state: the machine brakes as hard as in nominal use [N s/m]."""
-    return max(nominal_load(config, engine), engine.load_coefficient_n_s_m)
-
-
-def with_preset(
-    config: ControllerConfig, engine: Prototype, tdc_m: float, load_n_s_m: float
-) -> OperatingPoint:
-    """Operating point of the closed form, scaled so that it meets the preset at the start.
-
-    The bench presets the steady state of the plant's own model; from there the closed form says
-    how it moves with set point and load.
-    """
-    preset = config.preset
-    start_tdc = config.tdc_ref_m or engine.tdc_ref_m
-    start_load = target_load(config, engine, start_tdc, config.supervisory.target_power_w)
-    start = operating_point(engine, start_tdc, start_load)
-    here = operating_point(engine, tdc_m, load_n_s_m)
-    fuel, v_mid, stroke = preset.fuel_kg, preset.v_mid_m_s, preset.stroke_s
-    slope = preset.fuel_per_speed_kg_s_m
-    return OperatingPoint(
-        here.fuel_kg if fuel is None else fuel * _ratio(here.fuel_kg, start.fuel_kg),
-        here.v_mid_m_s if v_mid is None else v_mid * here.v_mid_m_s / start.v_mid_m_s,
-        here.stroke_s if stroke is None else stroke * here.stroke_s / start.stroke_s,
-        here.fuel_per_speed_kg_s_m if slope is None else slope,
-    )
-
-
-def _ratio(here: float, start: float) -> float:
-    """Quotient of two fuels; both are zero without a load."""
-    return here / start if start > 0.0 else 1.0
-
-
-def change(
-    config: ControllerConfig,
-    engine: Prototype,
-    now: SetPoints,
-    tdc_m: float | None,
-    power_w: float | None,
-    limit_m: float,
-) -> SetPoints:
-    """Take new set points from the operator; TDC and load move to their new targets."""
-    target_m = now.tdc_target_m if tdc_m is None else tdc_m
-    load = now.load_target_n_s_m
-    if power_w is not None:
-        load = target_load(config, engine, target_m, power_w)
-    targets = replace(now, tdc_target_m=target_m, load_target_n_s_m=load)
-    return approach(config, engine, targets, limit_m)
-
-
-def approach(
-    config: ControllerConfig, engine: Prototype, now: SetPoints, limit_m: float
-) -> SetPoints:
-    """Move the TDC set point towards its target by what one stroke allows.
-
-    That is `tdc_step_m`, and towards the head half of the room that is left: an overshoot as large
-    as the step itself stays inside the position limit `limit_m`.
-    """
-    if now.tdc_ref_m == now.tdc_target_m:
-        return now
-    step_m = config.supervisory.tdc_step_m
-    most = now.tdc_ref_m + min(step_m, max(0.5 * (limit_m - now.tdc_ref_m), 0.0))
-    tdc_m = max(min(now.tdc_target_m, most), now.tdc_ref_m - step_m)
-    point = with_preset(config, engine, tdc_m, now.load_n_s_m)
-    return replace(now, tdc_ref_m=tdc_m, point=point)
-
-
-def slew(config: ControllerConfig, engine: Prototype, now: SetPoints, dt: float) -> SetPoints:
-    """Move the load towards its target by what one tick allows."""
-    if now.load_n_s_m == now.load_target_n_s_m:
-        return now
-    most = config.supervisory.load_slew_n_s_m_per_s * dt
-    gap = now.load_target_n_s_m - now.load_n_s_m
-    load = (
-        now.load_target_n_s_m if abs(gap) <= most else now.load_n_s_m + (most if gap > 0 else -most)
-    )
-    return replace(now, load_n_s_m=load, point=with_preset(config, engine, now.tdc_ref_m, load))
+def _told(now: SetPoints) -> tuple[SetPoints, Events]:
+    """Tell of a limit that was not told yet, or that it has gone."""
+    target = now.target
+    if target is None or target.in_the_way == target.told:
+        return now, _NONE
+    code, text, why = POWER_WITHIN_REACH, f"{target.asked_w:g} W are within reach", ""
+    if target.in_the_way:
+        code, why = POWER_LIMITED, target.in_the_way
+        text = f"{target.asked_w:g} W asked, {target.within_w:.0f} W within reach: {why}"
+    return replace(now, target=replace(target, told=why)), ((code, text),)

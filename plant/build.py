@@ -45,8 +45,12 @@ def begin(scenario: Resolved, params: PlantParams) -> tuple[PlantState, tuple[Ev
     Raises: ConfigError when the run cannot begin as it is asked to
     """
     controller = scenario.controller
-    fuel_kg = controller.preset.fuel_kg if scenario.begins == "settled" else None
-    return initial_state(params, fuel_kg, controller.supervisory.load_coefficient_n_s_m)
+    preset, load_n_s_m = controller.preset, controller.supervisory.load_coefficient_n_s_m
+    if preset.load_coefficient_n_s_m is not None:
+        load_n_s_m = preset.load_coefficient_n_s_m
+    return initial_state(
+        params, preset.fuel_kg if scenario.begins == "settled" else None, load_n_s_m
+    )
 
 
 def patience_ns(scenario: Resolved) -> int:

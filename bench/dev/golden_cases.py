@@ -167,7 +167,7 @@ CASES: tuple[Case, ...] = (
     Case("misfire-unloaded", "misfire-unloaded", _short(
         0.4, ("events.misfire.at_s", 0.05), ("events.load.at_s", 0.05))),
     Case("no-load", "steady", _short(
-        0.3, ("events.power", {"kind": "set-point", "target_power_w": 0.0, "at_s": 0.05}))),
+        0.3, ("events.load", {"kind": "load-scale", "value": 0.0, "at_s": 0.05}))),
     Case("target-power", "load-increase", _load_step(
         ("controller.supervisory.target_power_w", 400.0),
         ("controller.supervisory.throttle", 0.8))),

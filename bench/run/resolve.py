@@ -6,20 +6,25 @@ from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
-from bench.run import engine_defaults, fmu_defaults
+from bench.run.filling import detailed, fmu
+from bench.run.filling.start_load import start_load
 from bench.run.signal_names import check_expectations
+from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
-from controller.supervisory import target_load
+from controller.performance import Steady
 from hil.config.check import check
+from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.engines.fast.constants import Constants, constants_of
-from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle
+from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle, steady_at
+from plant.engines.fast.limit_cycle import power_w as settled_power_w
 
 _SLOPE_STEP = 0.01
+_OF_THE_MOTION = ("v_mid_m_s", "stroke_s", "fuel_per_speed_kg_s_m", "power_w")
 
 _OF_THE_ENGINE = {
     "plant": {"contact_restitution": "contact_restitution"},
@@ -45,8 +50,8 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     check_expectations(scenario)
-    if fmu_defaults.is_unit(scenario):
-        return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
+    if fmu.is_unit(scenario):
+        return fmu.fill(scenario, lambda like: resolve(like, sockets))
     check_names(scenario)
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(
@@ -54,12 +59,12 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
             " centres only; accepted there are the other controllers"
         )
     tree = scenario.model_dump()
-    tree["plant"]["prototype"] = engine_defaults.prototype_of(scenario)
+    tree["plant"]["prototype"] = detailed.prototype_of(scenario)
     _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
-    if engine_defaults.is_detailed(scenario):
-        engine_defaults.fill(scenario, tree)
+    if detailed.is_detailed(scenario):
+        detailed.fill(scenario, tree)
     elif scenario.controller.timing.valves == "controller":
-        raise engine_defaults.no_valves(scenario, f"model {scenario.plant.model}")
+        raise detailed.no_valves(scenario, f"model {scenario.plant.model}")
     else:
         prototype = scenario.plant.resolved_prototype()
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
@@ -113,10 +118,31 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     if given.stroke_map.kind == "auto":
         tree["stroke_map"]["kind"] = _MAP_OF_MODEL.get(scenario.plant.model, "auto")
     engine = constants_of(prototype, scenario.plant.model)
-    load = target_load(given, prototype, tdc_m, supervisory.target_power_w)
+    load = tree["supervisory"]["load_coefficient_n_s_m"]
+    if supervisory.target_power_w is not None and tree["preset"]["load_coefficient_n_s_m"] is None:
+        filled = check(ControllerConfig, tree, scenario.name)
+        load = _start_load(filled, prototype, engine, scenario.loop.period_ns * 1e-9)
+        tree["preset"]["load_coefficient_n_s_m"] = load
     if given.open_loop.fuel_kg is None:
         tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
+
+
+def _start_load(
+    given: ControllerConfig, prototype: Prototype, engine: Constants, period_s: float
+) -> float:
+    """Return the load with which the engine's own model delivers the target power [N s/m]."""
+    tdc_m, power_w = given.tdc_ref_m, given.supervisory.target_power_w
+    assert tdc_m is not None
+    assert power_w is not None
+
+    def at(load: float) -> Steady:
+        fuel_kg, cycle = steady_at(engine, tdc_m, load)
+        stroke_s, here_w = 0.5 / cycle.frequency_hz, settled_power_w(engine, fuel_kg, cycle)
+        return Steady(fuel_kg, cycle.v_mid_m_s, stroke_s, here_w)
+
+    guess = load_for_power(prototype, tdc_m, max(power_w, 1.0))
+    return start_load(given, period_s, guess, at)
 
 
 def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:
@@ -128,13 +154,15 @@ def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, lo
     if fuel_kg is None:
         fuel_kg = _fuel_for_tdc(engine, tree["tdc_ref_m"], load)
     preset["fuel_kg"] = fuel_kg
-    if None not in preset.values():
+    if all(preset[key] is not None for key in _OF_THE_MOTION):
         return
     settled = _settled(scenario, engine, fuel_kg, load)
     if preset["v_mid_m_s"] is None:
         preset["v_mid_m_s"] = settled.v_mid_m_s
     if preset["stroke_s"] is None:
         preset["stroke_s"] = 0.5 / settled.frequency_hz
+    if preset["power_w"] is None:
+        preset["power_w"] = settled_power_w(engine, fuel_kg, settled)
     if preset["fuel_per_speed_kg_s_m"] is None:
         preset["fuel_per_speed_kg_s_m"] = _fuel_per_speed(engine, fuel_kg, load)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from hil.brought import SUFFIX, name_of
-from hil.config.base import LIVE, Section, Tunable, ranged
+from hil.config.base import LIVE, Section, Tunable
 from hil.config.motion.laws import (
     LearningConfig,
     LoadEstimateConfig,
@@ -19,7 +19,8 @@ from hil.config.motion.laws import (
 )
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
-from hil.config.ranges import STALE_S, StaleS, StartForceN, TdcRefM
+from hil.config.ranges import STALE_S, CommandedLoad, StaleS, StartForceN, TdcRefM
+from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import (
     InjectorKnowledge,
     Metres,
@@ -27,17 +28,15 @@ from hil.config.timing import (
     TimingConfig,
     ValvesKnowledge,
 )
-from hil.wire.commands import LAW, TARGET_POWER_W
+from hil.wire.commands import LAW
 from hil.wire.fields import most_of
 from hil.wire.messages import MachineCommand
 
 LawName = Annotated[str, Field(pattern=LAW.pattern)]
 """Of a piston-motion law; which there are is known where a controller is built."""
 
-TargetPowerW = Annotated[float, ranged(TARGET_POWER_W)]
 _WIRE_FORCE_N = most_of(MachineCommand, "force_n")
 FuelKg = Annotated[float, Field(ge=0.0, le=1.0e-4)]
-Load = Annotated[float, Field(ge=0.0, le=5000.0)]
 MidSpeed = Annotated[float, Field(gt=0.0, le=8.0)]
 
 
@@ -119,22 +118,6 @@ class StartConfig(Tunable):
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
 
 
-class SupervisoryConfig(Tunable):
-    """Set points from a target power (level 2); without a target the fixed values hold.
-
-    tdc_step_m: most by which the TDC set point moves in a stroke
-    tdc_room_m: what an operator's set point must leave to the position limit, for the scatter of
-        the strokes
-    """
-
-    target_power_w: TargetPowerW | None = None
-    load_coefficient_n_s_m: Load | None = None
-    load_slew_n_s_m_per_s: float = Field(default=2000.0, gt=0.0, le=1e6)
-    tdc_step_m: float = Field(default=1.0e-3, gt=0.0, le=0.05)
-    tdc_room_m: float = Field(default=0.3e-3, ge=0.0, le=0.01)
-    throttle: float = Field(default=1.0, gt=0.0, le=1.0)
-
-
 class LimitsConfig(Tunable):
     """The last limit: beyond it the controller goes to its safe state."""
 
@@ -147,12 +130,17 @@ class LimitsConfig(Tunable):
 
 
 class Preset(Section):
-    """The operating point about which the laws work; the bench computes it from the model."""
+    """The operating point about which the laws work; the bench computes it from the model.
+
+    load_coefficient_n_s_m: its load, where a target power asks for another than the supervisory's
+    """
 
     fuel_kg: FuelKg | None = None
     v_mid_m_s: MidSpeed | None = None
     stroke_s: StrokeTime | None = None
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
+    load_coefficient_n_s_m: CommandedLoad | None = None
+    power_w: float | None = Field(default=None, ge=0.0, le=1.0e5)
 
 
 class Tuning(Section):

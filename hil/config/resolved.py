@@ -12,16 +12,15 @@ from hil.config.controller import (
     ControllerConfig,
     FuelKg,
     LimitsConfig,
-    Load,
     MidSpeed,
     OpenLoopConfig,
     Preset,
-    SupervisoryConfig,
 )
 from hil.config.load import read_as
 from hil.config.plant import PlantConfig
-from hil.config.ranges import LoadCoefficient
+from hil.config.ranges import CommandedLoad, LoadCoefficient
 from hil.config.scenario import Scenario
+from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import Metres, StrokeTime
 from hil.errors import ConfigError
 
@@ -41,7 +40,7 @@ class ResolvedOpenLoop(OpenLoopConfig):
 class ResolvedSupervisory(SupervisoryConfig):
     """The load coefficient is the engine's unless given."""
 
-    load_coefficient_n_s_m: Load
+    load_coefficient_n_s_m: CommandedLoad
 
 
 class ResolvedLimits(LimitsConfig):

@@ -200,17 +200,17 @@ def frames_received(tick: i64, t_ns: i64, data: bytes) -> None:
         ) + data)
 
 
-_STROKE: Final = struct.Struct("<11sIQQ4sIIqBxxxxxxxddddddddd").pack
+_STROKE: Final = struct.Struct("<11sIQQ4sIIqBxxxxxxxdddddddddddd").pack
 
 
 def stroke(
     index: i64, tick: i64, t_ns: i64, side: i64, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
     v_ref_m_s: float, fuel_kg: float, outer_p_m_s: float, outer_i_m_s: float, inner_p_kg: float,
-    inner_i_kg: float,
+    inner_i_kg: float, speed_hz: float, power_w: float, power_ref_w: float,
 ) -> None:
     """Add a record of /stroke."""
     if NATIVE and not (index >> 32 | tick >> 32 | t_ns >> 63 | side >> 8):
-        _OUT.write(b'\x05z\x00\x00\x00\x00\x00\x00\x00\x03\x00')
+        _OUT.write(b'\x05\x92\x00\x00\x00\x00\x00\x00\x00\x03\x00')
         _stamp(tick, t_ns)
         write_i64_le(_OUT, index | tick << 32)
         write_i64_le(_OUT, t_ns)
@@ -224,11 +224,14 @@ def stroke(
         write_f64_le(_OUT, outer_i_m_s)
         write_f64_le(_OUT, inner_p_kg)
         write_f64_le(_OUT, inner_i_kg)
+        write_f64_le(_OUT, speed_hz)
+        write_f64_le(_OUT, power_w)
+        write_f64_le(_OUT, power_ref_w)
     else:
         _add(_STROKE(
-            b'\x05z\x00\x00\x00\x00\x00\x00\x00\x03\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
+            b'\x05\x92\x00\x00\x00\x00\x00\x00\x00\x03\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
             index, tick, t_ns, side, tdc_m, tdc_ref_m, v_mid_m_s, v_ref_m_s, fuel_kg, outer_p_m_s,
-            outer_i_m_s, inner_p_kg, inner_i_kg,
+            outer_i_m_s, inner_p_kg, inner_i_kg, speed_hz, power_w, power_ref_w,
         ))
 
 

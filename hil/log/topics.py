@@ -88,6 +88,13 @@ class Stroke(Record):
         float, Field("float64", "proportional and derivative term of the inner loop", "kg")
     ]
     inner_i_kg: Annotated[float, Field("float64", "integral term of the inner loop", "kg")]
+    speed_hz: Annotated[
+        float, Field("float64", "engine speed: cycles of two strokes a second, by this one", "Hz")
+    ]
+    power_w: Annotated[float, Field("float64", "mean electric power, as measured", "W")]
+    power_ref_w: Annotated[
+        float, Field("float64", "target power within reach, nan without a target", "W")
+    ]
 
 
 class Truth(Record):

@@ -49,6 +49,9 @@ class ControllerStatus(NamedTuple):
     tdc_mm: last dead centre, from mid-stroke, as the controller sees it
     tdc_ref_mm: set point in force
     fuel_mg: fuel of the last finished stroke that could fire
+    speed_hz: engine speed, by that stroke
+    power_w: its mean electric power, as measured
+    power_ref_w: target power within reach
     load_n_s_m: load coefficient that is asked for
     stale: ticks without a valid sample
     late_samples: samples that came after their tick was answered without them
@@ -62,6 +65,9 @@ class ControllerStatus(NamedTuple):
     tdc_mm: TdcMm
     tdc_ref_mm: A[float, Shown("set point", "mm", ".3f")]
     fuel_mg: A[float | None, Shown("fuel", "mg", ".3f")]
+    speed_hz: A[float | None, Shown("speed", "Hz", ".2f")]
+    power_w: A[float | None, Shown("power", "W", ".0f")]
+    power_ref_w: A[float | None, Shown("target power", "W", ".0f")]
     load_n_s_m: A[float, Shown("load", "N s/m", ".1f")]
     stale: A[int, Shown("ticks without sample")]
     late_samples: A[int, Shown("late samples")]

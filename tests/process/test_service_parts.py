@@ -185,17 +185,6 @@ def test_a_predecessor_that_had_stopped_says_nothing(kept: dict[str, Any]) -> No
     assert commands.idle
 
 
-def test_a_target_power_is_remembered_only_when_it_is_accepted() -> None:
-    source = MemoryCommands()
-    commands = DutyCommands(source)
-    source.submit("operator", {"kind": "set-point", "target_power_w": -1})
-    commands.poll()
-    assert commands.target_power_w is None
-    source.submit("operator", {"kind": "set-point", "target_power_w": 900.0})
-    commands.poll()
-    assert commands.target_power_w == 900.0
-
-
 def test_of_the_older_logs_the_newest_are_kept(tmp_path: Path) -> None:
     for number in range(KEPT_LOGS + 5):
         path = tmp_path / f"plant-{number}.mcap"

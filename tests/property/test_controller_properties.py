@@ -70,7 +70,7 @@ def test_no_order_of_samples_leads_out_of_the_safe_state(story):
     for tick, sample in enumerate(story):
         state, output = step(p, state, Inputs(tick, sample))
         assert state.mode is Mode.SAFE
-        assert output.machine.load_n_s_m == p.full_load_n_s_m
+        assert output.machine.load_n_s_m == p.supervisor.full_load_n_s_m
 
 
 @ANY_MACHINE

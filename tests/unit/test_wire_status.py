@@ -11,6 +11,7 @@ from hil.wire.status import ControllerStatus, PlantStatus
 
 CONTROLLER = ControllerStatus(
     mode="generating", t_s=3.3, tick=3300, tdc_mm=15.501, tdc_ref_mm=15.5, fuel_mg=2.818,
+    speed_hz=19.94, power_w=1527.0, power_ref_w=None,
     load_n_s_m=810.0, stale=0, late_samples=1, implausible_samples=0, reception={"ok": 9271},
 )  # fmt: skip
 PLANT = PlantStatus(

@@ -20,12 +20,17 @@ _SETTLE_S = 2.5
 _SAMPLE_S = 1.0e-4
 
 
+class EngineStopsError(ConfigError):
+    """What is settled on keeps no engine running."""
+
+
 class Settled(NamedTuple):
     """At a left dead centre, time 0; the charge of the left cylinder alight.
 
     spark_before_s: from the spark to the dead centre
     v_mid_m_s, stroke_s: speed at mid-stroke and duration of the power stroke that follows
     strokes_s: duration of each stroke of a cycle from that one on
+    power_w: mean electric power of a cycle, positive when generating
     """
 
     y: Array
@@ -35,6 +40,7 @@ class Settled(NamedTuple):
     stroke_s: float
     spark_before_s: float
     strokes_s: tuple[float, ...]
+    power_w: float
 
 
 def calibration_of(config: PlantConfig) -> Calibration:
@@ -84,10 +90,10 @@ def _settle(c: Calibration, fuel_kg: float, load_n_s_m: float) -> Settled:
     except HilError:
         found = None
     if found is None or motion.d[at.CONTACTS] > 0:
-        what = "stops" if found is None else "strikes a head"
-        raise ConfigError(
-            f"{c.name}: with {fuel_kg * 1e6:.4g} mg at {load_n_s_m:g} N s/m the engine {what}"
-        )
+        where = f"{c.name}: with {fuel_kg * 1e6:.4g} mg at {load_n_s_m:g} N s/m the engine"
+        if found is None:
+            raise EngineStopsError(f"{where} stops")
+        raise ConfigError(f"{where} strikes a head")
     return found
 
 
@@ -108,7 +114,8 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
             return None
     d[at.CONTACTS] = 0.0
     begun = d[at.T]
-    v_mid = _speed_at_mid_stroke(engine, Motion(y.copy(), d.copy(), record.copy()))
+    before = y.copy()
+    v_mid = _speed_at_mid_stroke(engine, Motion(before.copy(), d.copy(), record.copy()))
     rows = engine.programme.shape[0]
     for _ in range(rows):
         if not to_dead_centre():
@@ -118,11 +125,26 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
     strokes_s = tuple(float(s) for s in np.diff(ends_s, prepend=begun))
     last = last[compressed(engine, last)]
     spark = d[at.T] - d[at.CYL + at.SPARK_T]
-    return _at_time_zero(y, d, float(np.mean(np.abs(last[:, at.REC_X]))), v_mid, strokes_s, spark)
+    power_w = _electric_j(engine, y - before) / float(d[at.T] - begun)
+    tdc_m = float(np.mean(np.abs(last[:, at.REC_X])))
+    return _at_time_zero(y, d, tdc_m, v_mid, strokes_s, spark, power_w)
+
+
+def _electric_j(engine: Engine, sums: Array) -> float:
+    """What the machine has delivered: a dq machine at its terminals, any other on the mover."""
+    if engine.p[at.MACHINE] == at.DQ:
+        return -float(sums[at.W_TERMINAL])
+    return float(sums[at.W_GENERATED] - sums[at.W_MOTORED])
 
 
 def _at_time_zero(
-    y: Array, d: Array, tdc_m: float, v_mid: float, strokes_s: tuple[float, ...], spark_s: float
+    y: Array,
+    d: Array,
+    tdc_m: float,
+    v_mid: float,
+    strokes_s: tuple[float, ...],
+    spark_s: float,
+    power_w: float,
 ) -> Settled:
     """Count time and energies from this dead centre."""
     y, d = y.copy(), d.copy()
@@ -134,7 +156,7 @@ def _at_time_zero(
         if d[e + at.SPARK_T] < at.NEVER:
             d[e + at.SPARK_T] -= now
     y[at.SUM :] = 0.0
-    return Settled(y, d, tdc_m, v_mid, strokes_s[0], float(spark_s), strokes_s)
+    return Settled(y, d, tdc_m, v_mid, strokes_s[0], float(spark_s), strokes_s, power_w)
 
 
 def _speed_at_mid_stroke(engine: Engine, motion: Motion) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from hil.errors import ConfigError
-from hil.roots import bisect
+from hil.roots import bisect, secant
 from plant.engines.fast.combustion import Burn, energy_j, force_n, sine_force_n, stiffness_n_m
 from plant.engines.fast.constants import Constants
 from plant.engines.fast.linear import DEAD_CENTRE, NO_STOP
@@ -19,6 +19,8 @@ from plant.engines.fast.paths import CLOSED_FORM, HARMONIC, NONLINEAR, RECTANGUL
 
 _SCAN = 64
 _FUEL_RANGE_KG = (1.0e-8, 1.0e-4)
+_SECANT_STEPS = 25
+_REACHED_M = 1.0e-6
 
 
 class LimitCycle(NamedTuple):
@@ -103,6 +105,29 @@ def nonlinear_cycle(constants: Constants, fuel_kg: float, c: float) -> LimitCycl
     )
 
 
+def _amplitude(constants: Constants, fuel_kg: float, c: float) -> float:
+    """Amplitude on that fuel, nought where the damping lets nothing oscillate."""
+    try:
+        return limit_cycle(constants, fuel_kg, c).tdc_m
+    except ConfigError:
+        return 0.0
+
+
+def power_w(constants: Constants, fuel_kg: float, cycle: LimitCycle) -> float:
+    """Mean electric power of a settled motion, from the work of a charge over one stroke.
+
+    W = 2 E X / Ls of either linear excitation (docs/model.md, eqs. 10, 12), and of the gas force
+    W = E Ls^(gamma-1) [(Ls - X)^(1-gamma) - (Ls + X)^(1-gamma)] / (gamma - 1); the air springs
+    give back what they take, and the load takes all of it.
+    """
+    energy, size, tdc = energy_j(constants, fuel_kg), constants.half_stroke_m, cycle.tdc_m
+    work = 2.0 * energy * tdc / size
+    if constants.model == NONLINEAR:
+        n = constants.gamma - 1.0
+        work = energy * size**n / n * ((size - tdc) ** -n - (size + tdc) ** -n)
+    return 2.0 * cycle.frequency_hz * work
+
+
 def _stroke_reach(
     constants: Constants, energy: float, c: float, tdc_m: float
 ) -> tuple[float, float, float]:
@@ -145,7 +170,7 @@ def fuel_for_tdc(constants: Constants, tdc_m: float, load_coefficient_n_s_m: flo
 
     def lack(fuel_kg: float) -> float:
         if constants.model != NONLINEAR:
-            return tdc_m - limit_cycle(constants, fuel_kg, c).tdc_m
+            return tdc_m - _amplitude(constants, fuel_kg, c)
         return tdc_m - _stroke_reach(constants, energy_j(constants, fuel_kg), c, tdc_m)[0]
 
     low, high = _FUEL_RANGE_KG
@@ -155,6 +180,31 @@ def fuel_for_tdc(constants: Constants, tdc_m: float, load_coefficient_n_s_m: flo
     if abs(limit_cycle(constants, fuel, c).tdc_m - tdc_m) > 1.0e-6:
         raise ConfigError(f"tdc {tdc_m * 1e3:g} mm: no stable motion there at {c:g} N s/m")
     return fuel
+
+
+def steady_at(constants: Constants, tdc_m: float, load_n_s_m: float) -> tuple[float, LimitCycle]:
+    """Return fuel and settled motion at `tdc_m`, quickly: to about a millionth of the fuel.
+
+    Raises: ConfigError as `fuel_for_tdc` and `limit_cycle` do
+    """
+    if constants.model != NONLINEAR:
+        fuel_kg = fuel_for_tdc(constants, tdc_m, load_n_s_m)
+        return fuel_kg, limit_cycle(constants, fuel_kg, load_n_s_m)
+
+    def lack(fuel_kg: float) -> float:
+        return tdc_m - _stroke_reach(constants, energy_j(constants, fuel_kg), load_n_s_m, tdc_m)[0]
+
+    guess_kg = math.pi * load_n_s_m * tdc_m**2 * _omega(constants) / (4.0 * constants.energy_j_kg)
+    fuel_kg = secant(lack, guess_kg, steps=_SECANT_STEPS, relative=1.0e-7)
+    if abs(lack(fuel_kg)) > _REACHED_M:
+        raise ConfigError(f"tdc {tdc_m * 1e3:g} mm: no fuel reaches it at {load_n_s_m:g} N s/m")
+    energy = energy_j(constants, fuel_kg)
+    _, duration, v_mid = _stroke_reach(constants, energy, load_n_s_m, tdc_m)
+    return fuel_kg, LimitCycle(tdc_m, 0.5 / duration, v_mid)
+
+
+def _omega(constants: Constants) -> float:
+    return math.sqrt(constants.rest_stiffness_n_m / constants.mass_kg)
 
 
 def __bisect_fuel(f: Callable[[float], float], low: float, high: float) -> float:

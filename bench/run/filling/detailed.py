@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from bench.run.filling.start_load import start_load
+from controller.performance import Steady
+from hil.config.check import check
+from hil.config.controller import ControllerConfig
 from hil.config.detailed import Calibration
 from hil.config.plant import DETAILED_MODELS
 from hil.config.prototypes import PROTOTYPES, engine_with
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.roots import secant
 
 if TYPE_CHECKING:
     from plant.engines.detailed.settle import Settled
@@ -22,6 +27,11 @@ _FIRES = {
 """Of strokes counted from the left cylinder's power stroke, with which a run begins."""
 
 _SLOPE_STEP = 0.005
+_POWER_SHARE, _FUEL_SHARE, _FUEL_STEPS = 2.0e-3, 1.0e-3, 8
+"""How exactly a run begins at its target power; an engine takes a second to settle once."""
+_LOAD_BY_POWER, _FUEL_BY_LOAD = 0.6, 1.3
+"""Exponents at one dead centre, for the guesses: a two-stroke's from a third to its full power."""
+
 _LOW_BEFORE_SPARK_S = 0.2e-3
 
 _FOUR_STROKE_BEGINS = 2
@@ -69,6 +79,7 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
     if fires is not None:
         _fill_unfired(scenario, control, fires, c)
+    _fill_load(scenario, c, control)
     here = _fill_preset(c, control)
     if scenario.controller.timing.valves == "controller":
         _fill_valves(scenario, tree, c, here)
@@ -78,18 +89,75 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     _fill_timing(scenario, control["timing"], here.spark_before_s, spark_m)
 
 
+def _fill_load(scenario: Scenario, c: Calibration, control: dict[str, Any]) -> None:
+    """Give load and fuel with which the settled engine delivers a target power at its set point."""
+    preset, target_w = control["preset"], scenario.controller.supervisory.target_power_w
+    if target_w is None or control["name"] == "open-loop" or preset["fuel_kg"] is not None:
+        return
+    from plant.engines.detailed.settle import settle
+
+    nominal_kg = c.heat.energy_j / c.heat.heating_value_j_kg
+    load = c.machine.load_coefficient_n_s_m
+    nominal = settle(c, nominal_kg, load)
+    _give(control, "tdc_ref_m", nominal.tdc_m)
+    running = Running(c, control["tdc_ref_m"], nominal_kg, load)
+    given = check(ControllerConfig, control, scenario.name)
+    guess = load * (target_w / nominal.power_w) ** _LOAD_BY_POWER
+    found = start_load(given, scenario.loop.period_ns * 1e-9, guess, running.at, _POWER_SHARE)
+    preset["load_coefficient_n_s_m"], preset["fuel_kg"] = found, running.at(found).fuel_kg
+
+
+class Running:
+    """A detailed engine settled at one dead centre, by its load."""
+
+    def __init__(self, c: Calibration, tdc_m: float, fuel_kg: float, load_n_s_m: float) -> None:
+        self._calibration = c
+        self._tdc_m = tdc_m
+        self._near = fuel_kg, load_n_s_m
+        self._known: dict[float, Steady] = {}
+
+    def at(self, load_n_s_m: float) -> Steady:
+        """Return its settled running.
+
+        Raises: ConfigError where there is none
+        """
+        if load_n_s_m not in self._known:
+            self._known[load_n_s_m] = self._settled(load_n_s_m)
+        return self._known[load_n_s_m]
+
+    def _settled(self, load_n_s_m: float) -> Steady:
+        """Settle on the fuel that reaches the dead centre, looked for from that of a load near."""
+        from plant.engines.detailed.settle import EngineStopsError, settle
+
+        def error(fuel_kg: float) -> float:
+            try:
+                return settle(self._calibration, fuel_kg, load_n_s_m).tdc_m - self._tdc_m
+            except EngineStopsError:
+                return -self._tdc_m
+
+        fuel_kg, load = self._near
+        guess_kg = fuel_kg * (load_n_s_m / load) ** _FUEL_BY_LOAD
+        fuel_kg = secant(error, guess_kg, steps=_FUEL_STEPS, relative=_FUEL_SHARE)
+        here = settle(self._calibration, fuel_kg, load_n_s_m)
+        self._near = fuel_kg, load_n_s_m
+        return Steady(fuel_kg, here.v_mid_m_s, here.stroke_s, here.power_w)
+
+
 def _fill_preset(c: Calibration, control: dict[str, Any]) -> Settled:
     """Give the settled motion that the run begins with, and return it."""
     from plant.engines.detailed.settle import settle
 
-    load = control["supervisory"]["load_coefficient_n_s_m"]
     preset = control["preset"]
+    load = preset["load_coefficient_n_s_m"]
+    if load is None:
+        load = control["supervisory"]["load_coefficient_n_s_m"]
     open_loop = control["name"] == "open-loop"
     nominal = c.heat.energy_j / c.heat.heating_value_j_kg
     _give(preset, "fuel_kg", control["open_loop"]["fuel_kg"] if open_loop else nominal)
     here = settle(c, preset["fuel_kg"], load)
     _give(preset, "v_mid_m_s", here.v_mid_m_s)
     _give(preset, "stroke_s", here.stroke_s)
+    _give(preset, "power_w", here.power_w)
     _give(control, "tdc_ref_m", here.tdc_m)
     if preset["fuel_per_speed_kg_s_m"] is None and c.cycle.kind != "speed":
         more = settle(c, preset["fuel_kg"] * (1.0 + _SLOPE_STEP), load)

@@ -1,0 +1,1 @@
+"""What a scenario leaves open, filled in by the kind of its model."""
