@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bench.studies.engine.tables import motion_at, starting_peaks
+from bench.studies.engine.operation import PART_LOADS, part_load, starting_peaks
 from bench.studies.engine.trace import Trace, cycle
 from hil.config.detailed import Calibration, read
 from hil.config.prototypes import NU
@@ -45,7 +45,7 @@ def _throttle(c: Calibration, value: float) -> Settled:
     The Beijing engine's load stays, and the throttle is closed in steps (App. I 4.2).
     """
     if c.name == "bit-running":
-        return motion_at(c, value)
+        return part_load(c, value)
     machine = c.machine.model_copy(
         update={"load_coefficient_n_s_m": c.machine.load_coefficient_n_s_m * value}
     )
@@ -81,13 +81,15 @@ def _motor_force(c: Calibration, scale: float) -> Settled:
     return engine, settled(engine)
 
 
+DEGREES = (18.0, 20.0, 22.0, 24.0)
+"""Ignition advances of Fig. 4.17."""
+
 SWEEPS = {
     "throttle": Sweep("of wide open", (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), _throttle),
-    "ignition": Sweep("degrees before TDC", (15.0, 16.0, 18.0, 20.0, 22.0, 24.0), _ignition),
+    "ignition": Sweep("degrees before TDC", (15.0, 16.0, *DEGREES), _ignition),
     "load": Sweep("of nominal", (0.90, 0.95, 0.97, 1.0, 1.01, 1.02, 1.03, 1.05), _load),
     "motor-force": Sweep("of nominal", (0.95, 0.97, 1.0, 1.03, 1.05, 1.10), _motor_force),
 }
-_PART_LOADS = (0.65, 0.75, 0.85, 0.95)
 STARTING_FORCES_N = (70.0, 90.0, 110.0, 130.0)
 FUEL_CHANGES = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)
 
@@ -104,7 +106,7 @@ def sweep(over: str, name: str) -> list[SweepPoint]:
         )
     if c.cycle.kind in {"motoring", "speed"}:
         raise ConfigError(f"--over {over}: engine {name} is motored; accepted: --over motor-force")
-    values = _PART_LOADS if (over, name) == ("throttle", "bit-running") else SWEEPS[over].values
+    values = PART_LOADS if (over, name) == ("throttle", "bit-running") else SWEEPS[over].values
     return [_point(over, c, value) for value in values]
 
 
