@@ -5,20 +5,22 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from typing import Final
 
 from bench.report.chart import Chart
-from bench.report.chart_picture import chart_svg
-from bench.report.page import STYLE, small_tile
+from bench.report.chart_plot import plot_of
+from bench.report.page import small_tile
 from bench.studies.atlas.criteria import DEVIATES, NOT_REPRODUCIBLE, VERDICTS, Judged
 from bench.studies.atlas.entry import Entry
 from bench.studies.atlas.facts import Fact, chapter_of, chapter_title
 from bench.studies.atlas.titles import title_of
+from bench.web.page import Page
 
-_MORE_STYLE: Final = """
-nav { display: flex; flex-wrap: wrap; gap: 6px 14px; margin: 14px 0; }
-td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+_STYLE: Final = """
+nav a { margin-right: 10px; }
+a { color: var(--motion); }
+th.number { text-align: right; }
+td.number { text-align: right; }
 .verdict { font-weight: 600; white-space: nowrap; }
 .verdict.pass { color: var(--good); }
 .verdict.deviates { color: var(--bad); }
@@ -26,8 +28,6 @@ td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; wh
 section.entry { margin-top: 34px; }
 section.entry h2 { margin-bottom: 2px; }
 .command { margin: 0 0 10px; }
-.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(460px, 1fr)); gap: 14px;
-  margin-bottom: 14px; }
 td small { color: var(--soft); display: block; }
 """
 _COLUMNS: Final = ("", "what", "thesis", "ours", "unit", "deviation", "allowed", "verdict, reason")
@@ -59,7 +59,7 @@ def index(rows: Rows) -> str:
         *(_listed(rows, verdict) for verdict in (DEVIATES, NOT_REPRODUCIBLE)),
     ]  # fmt: skip
     told = "Every number and statement that the thesis prints, made again and judged."
-    return _page("Atlas of the thesis", told, _nav(rows), "".join(body))
+    return _page(Page("Atlas of the thesis"), "Atlas of the thesis", told, _nav(rows), body)
 
 
 def chapter_page(
@@ -67,21 +67,26 @@ def chapter_page(
 ) -> str:
     """A chapter: each figure and table with what is drawn and what is judged of it."""
     mine = [row for row in rows if row[0].chapter == chapter]
-    groups = {name: list(part) for name, part in groupby(mine, key=lambda row: row[0].group)}
+    groups: dict[str, list[tuple[Fact, Judged]]] = {}
+    for row in mine:
+        groups.setdefault(row[0].group, []).append(row)
     for name in entries:
         if chapter_of(name) == chapter:
             groups.setdefault(name, [])
-    sections = [_section(name, part, entries.get(name), charts.get(name, ()))
+    page = Page(chapter_title(chapter))
+    sections = [_section(page, name, part, entries.get(name), charts.get(name, ()))
                 for name, part in groups.items()]  # fmt: skip
     told = " · ".join(f"{n} {v}" for v, n in _counts(mine).items())
-    return _page(chapter_title(chapter), told, _nav(rows), "".join(sections))
+    return _page(page, chapter_title(chapter), told, _nav(rows), sections)
 
 
-def _section(name: str, rows: Rows, entry: Entry | None, charts: Sequence[Chart]) -> str:
+def _section(
+    page: Page, name: str, rows: Rows, entry: Entry | None, charts: Sequence[Chart]
+) -> str:
     title = entry.title if entry is not None else title_of(name)
     command = "" if entry is None else f'<p class="command"><code>{entry.told_command}</code></p>'
-    drawn = "".join(f"<figure>{chart_svg(chart)}</figure>" for chart in charts)
-    drawn = f'<div class="charts">{drawn}</div>' if drawn else ""
+    drawn = "".join(page.row([plot_of(chart) for chart in charts[n : n + 2]])
+                    for n in range(0, len(charts), 2))  # fmt: skip
     return (
         f'<section class="entry" id="{name}"><h2>{html.escape(f"{_label(name)} · {title}")}</h2>'
         f"{command}{drawn}{_table(rows)}</section>"
@@ -211,11 +216,6 @@ def _nav(rows: Rows) -> str:
     return "<nav>" + "".join(f'<a href="{f}">{t}</a>' for f, t in links) + "</nav>"
 
 
-def _page(title: str, told: str, nav: str, body: str) -> str:
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{STYLE}{_MORE_STYLE}</style></head>"
-        f"<body><main><header><div><h1>{html.escape(title)}</h1><p>{html.escape(told)}</p></div>"
-        f"</header>{nav}{body}</main></body></html>\n"
-    )
+def _page(page: Page, title: str, told: str, nav: str, body: Sequence[str]) -> str:
+    head = f"<header><div><h1>{html.escape(title)}</h1><p>{html.escape(told)}</p></div></header>"
+    return page.html("".join([f"<style>{_STYLE}</style>", nav, head, *body]))
