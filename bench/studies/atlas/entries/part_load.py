@@ -188,7 +188,7 @@ def _same_power_stroke(points: Sequence[SweepPoint]) -> Finding:
 
 ENTRIES = (
     Entry("F4.15", "Power over throttle, both cycles", ("F4.15-*", "F4.16-*", "T4.4-two-range"),
-          throttle, "hil engine sweep --over throttle --engine nu-two-stroke", 3.0),
+          throttle, "hil engine sweep --over throttle --engine nu-two-stroke", 8.0),
     Entry("F4.17", "Ignition timing: pressure over volume and power, both cycles",
           ("F4.17-cr-falls", "F4.17-peak-rises", "F4.17-nonpower", "F4.18-*"), ignition,
           "hil engine sweep --over ignition --engine nu-two-stroke", 4.0),
