@@ -108,6 +108,35 @@ def _draw(out: Output, drawn: Sequence[Chart]) -> None:
 
 
 @app.command()
+def analyse(
+    engine: Annotated[str, typer.Option("--engine", help="Prototype with two chambers.")] = "nu",
+    *,
+    fuel_mg: Annotated[
+        float | None, typer.Option("--fuel-mg", min=0.0, max=100.0, help="Fuel of a stroke.")
+    ] = None,
+    load: Annotated[
+        float | None, typer.Option(min=0.0, max=1e5, help="Load coefficient [N/(m/s)].")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Page to write (.html).")] = None,
+    force: Force = False,
+) -> None:
+    """Analyse the linear engine: A, B, C, poles, damping, Bode, step, root locus over the load."""
+    from bench.studies.engine import analysis
+    from hil.files import Output
+
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".html")
+    found = analysis.cases(engine, None if fuel_mg is None else 1e-6 * fuel_mg, load)
+    for case in found:
+        print(case.name)
+        for name, text in analysis.told(case):
+            print(f"  {name:18} {text}")
+    if file is not None:
+        file.write(analysis.page(engine, found))
+
+
+@app.command()
 def precision(
     *,
     engine: EngineName = "nu-two-stroke",

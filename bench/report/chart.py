@@ -32,6 +32,7 @@ class Chart(NamedTuple):
     y_label: str
     series: tuple[Series, ...]
     levels: tuple[Level, ...] = ()
+    log_x: bool = False
 
 
 def series(label: str, x: Iterable[float], y: Iterable[float], mark: Mark = "line") -> Series:

@@ -52,5 +52,7 @@ def _draw(axes: Axes, chart: Chart) -> None:
     for level in chart.levels:
         axes.axhline(level.y, color=LEVEL, linewidth=0.9, linestyle=(0, (5, 3)), label=level.label)
     axes.set(xlabel=chart.x_label, ylabel=chart.y_label, title=chart.title)
+    if chart.log_x:
+        axes.set_xscale("log")
     if len(chart.series) + len(chart.levels) > 1:
         axes.legend()

@@ -23,7 +23,7 @@ def plot_of(chart: Chart) -> Plot:
     curves += [_level(level, ends) for level in chart.levels]
     turned = any(not _rises(one) for one in chart.series)
     return Plot(chart.title, chart.x_label, chart.y_label, tuple(curves), None, extent=ends,
-                square=turned or None, height=_HEIGHT)  # fmt: skip
+                square=turned or None, log_x=chart.log_x or None, height=_HEIGHT)  # fmt: skip
 
 
 def _curves(one: Series, colour: str) -> Iterator[Curve]:

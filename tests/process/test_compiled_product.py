@@ -90,6 +90,7 @@ ROWS = {
     "bus cost": [Row("", TIMED)],
     "engine table": [Row("")],
     "engine sweep": [Row("--over load"), Row("--over fuel")],
+    "engine analyse": [Row("")],
     "engine precision": [Row("", TIMED)],
     "fmu export": [Row("unit.fmu --model nonlinear")],
     "fmu check": [Row("../unit.fmu")],

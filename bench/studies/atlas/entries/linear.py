@@ -10,6 +10,7 @@ from bench.report.chart import Chart, Level, series
 from bench.studies.atlas.entries.disturbances import open_loop
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.atlas.facts import printed
+from bench.studies.engine import analysis
 from hil.config.prototypes import BIT, NU, Prototype
 from plant.engines.fast.combustion import Burn, energy_j, force_n, sine_force_n
 from plant.engines.fast.constants import Constants, constants_of
@@ -168,6 +169,11 @@ def _printed_condition() -> Finding:
     )
 
 
+def analysed(_quick: bool) -> Found:
+    """The linear engine fired and after a misfire (eqs. 5.61 to 5.84)."""
+    return Found({}, analysis.charts(analysis.cases("nu", None, None)))
+
+
 def beijing(_quick: bool) -> Found:
     """Displacement of the Beijing engine by the linear model (Fig. 5.5, App. II Fig. 6)."""
     k = constants_of(BIT, "harmonic")
@@ -237,6 +243,8 @@ ENTRIES = (
     Entry("E5.60", "Settled motion",
           ("E5.58-*", "E5.60-*", "S5.1.1-*", "E5.76-*", "E5.27-*"), settled_motion,
           "hil run steady --controller open-loop"),
+    Entry("E5.71", "Linear analysis: Bode diagram, step, poles over the load", (), analysed,
+          "hil engine analyse"),
     Entry("F5.5", "Displacement of the Beijing engine",
           ("F5.5-frequency-model", "F5.5-time-scale", "A2-S3-frequency-model", "A2-S3-t*",
            "A2-S3-cause"), beijing),
