@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,11 +11,15 @@ import typer
 from bench.cli.options import Force
 
 if TYPE_CHECKING:
+    from bench.report.chart import Chart
     from hil.files import Output
 
 app = typer.Typer(
     name="engine", help="The detailed engines: tables, studies, precision.", no_args_is_help=True
 )
+
+DETAILED = ("F4.8", "F4.9", "T4.3", "A1-T2", "A1-F10")
+"""Tables and figures of the thesis that say how its detailed engines run."""
 
 Over = Literal["throttle", "ignition", "load", "motor-force", "fuel"]
 EngineName = Annotated[str, typer.Option("--engine", help="Calibration, as nu-two-stroke.")]
@@ -23,28 +27,10 @@ EngineName = Annotated[str, typer.Option("--engine", help="Calibration, as nu-tw
 
 @app.command()
 def table() -> None:
-    """Print the thesis's figures beside ours; exit code 1 when one is out of its tolerance."""
-    from rich.console import Console
-    from rich.table import Table
+    """Print the thesis's figures beside ours; exit code 1: a deviation has no reason told."""
+    from bench.studies.atlas.command import print_table
 
-    from bench.studies.engine.tables import all_rows
-
-    rows = all_rows()
-    shown = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("table", "figure", "thesis", "ours", "error", "allowed", ""):
-        shown.add_column(title, justify="left" if title in {"table", "figure"} else "right")
-    for row in rows:
-        form = "{:+.2f}" if row.absolute else "{:+.1%}"
-        allowed = f"{row.tolerance:g}" if row.absolute else f"{row.tolerance:.0%}"
-        if math.isinf(row.tolerance):
-            allowed = "reported"
-        ours, error = f"{row.ours:.4g}", form.format(row.error)
-        if math.isnan(row.ours):
-            ours, error = "stops", ""
-        verdict = "ok" if row.reached else "out"
-        shown.add_row(row.table, row.name, f"{row.thesis:g}", ours, error, allowed, verdict)
-    Console(highlight=False, markup=False).print(shown)
-    raise typer.Exit(0 if all(row.reached for row in rows) else 1)
+    raise typer.Exit(print_table(DETAILED))
 
 
 @app.command()
@@ -70,7 +56,7 @@ def sweep(
 
 
 def _settled(over: Over, engine: str, out: Output | None) -> None:
-    from bench.studies.engine import plots
+    from bench.studies.engine import charts
     from bench.studies.engine import sweep as engine_sweep
 
     points = engine_sweep.sweep(over, engine)
@@ -87,12 +73,11 @@ def _settled(over: Over, engine: str, out: Output | None) -> None:
             f"  {f.friction_w:6.1f}  {f.motoring_w:6.1f}  {100.0 * f.efficiency:5.2f}"
         )
     if out is not None:
-        with out.writing() as beside:
-            plots.draw(points, over, engine, beside)
+        _draw(out, charts.charts(points, over, engine))
 
 
 def _starting(out: Output | None) -> None:
-    from bench.studies.engine import plots
+    from bench.studies.engine import charts
     from bench.studies.engine import sweep as engine_sweep
 
     peaks = engine_sweep.starting_study()
@@ -100,12 +85,11 @@ def _starting(out: Output | None) -> None:
     for force, bars in peaks.items():
         print(f"{force:8g}  " + " ".join(f"{bar:5.1f}" for bar in bars))
     if out is not None:
-        with out.writing() as beside:
-            plots.draw_starting(peaks, beside)
+        _draw(out, (charts.starting_chart(peaks),))
 
 
 def _fuel(out: Output | None) -> None:
-    from bench.studies.engine import plots
+    from bench.studies.engine import charts
     from bench.studies.engine import sweep as engine_sweep
 
     rows = engine_sweep.fuel_study()
@@ -113,8 +97,43 @@ def _fuel(out: Output | None) -> None:
     for change, tdc_m, speed in rows:
         print(f"{change:+8.0%}  {tdc_m * 1e3:8.2f}  {speed:7.1f}")
     if out is not None:
-        with out.writing() as beside:
-            plots.draw_fuel(rows, beside)
+        _draw(out, charts.fuel_charts(rows))
+
+
+def _draw(out: Output, drawn: Sequence[Chart]) -> None:
+    from bench.report.chart_picture import save
+
+    with out.writing() as beside:
+        save(drawn, beside)
+
+
+@app.command()
+def analyse(
+    engine: Annotated[str, typer.Option("--engine", help="Prototype with two chambers.")] = "nu",
+    *,
+    fuel_mg: Annotated[
+        float | None, typer.Option("--fuel-mg", min=0.0, max=100.0, help="Fuel of a stroke.")
+    ] = None,
+    load: Annotated[
+        float | None, typer.Option(min=0.0, max=1e5, help="Load coefficient [N/(m/s)].")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Page to write (.html).")] = None,
+    force: Force = False,
+) -> None:
+    """Analyse the linear engine: A, B, C, poles, damping, Bode, step, root locus over the load."""
+    from bench.studies.engine import analysis
+    from hil.files import Output
+
+    file = None if out is None else Output("--out", out, force)
+    if file is not None:
+        file.check(".html")
+    found = analysis.cases(engine, None if fuel_mg is None else 1e-6 * fuel_mg, load)
+    for case in found:
+        print(case.name)
+        for name, text in analysis.told(case):
+            print(f"  {name:18} {text}")
+    if file is not None:
+        file.write(analysis.page(engine, found))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""`hil compare`, `hil tune`, `hil campaign`: arguments only; what is heavy is imported later."""
+"""`hil compare`, `tune`, `campaign`, `atlas`: arguments only; what is heavy is imported later."""
 
 from __future__ import annotations
 
@@ -71,7 +71,27 @@ def campaign(
     raise typer.Exit(work.run(file, out, scheduler, workers, runs, shard))
 
 
+def atlas(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CHAPTER|FIGURE]...", help="As 4, A1, F4.15, T4.3; none for all."),
+    ] = None,
+    *,
+    out: Annotated[Path | None, typer.Option(help="Directory; an unfinished one goes on.")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A short form of what takes long.")
+    ] = False,
+) -> None:
+    """Make every figure and table of the thesis again, and judge every printed number.
+
+    Writes index.html, a page a chapter and atlas.json. Exit code 1: a deviation has no reason told.
+    """
+    from bench.studies.atlas import command as work
+
+    raise typer.Exit(work.run(names or [], out, quick=quick))
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
-    for command in (compare, tune, campaign):
+    for command in (compare, tune, campaign, atlas):
         app.command()(command)

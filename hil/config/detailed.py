@@ -253,6 +253,15 @@ class Calibration(Section):
     running: Running
 
 
+def ideal(c: Calibration) -> Calibration:
+    """Leave heat to the wall and leakage out: App. I section 3.2 sets that model beside its own."""
+    sides = {
+        name: getattr(c, name).model_copy(update={"walls": 0.0, "leak_m2": 0.0})
+        for name in ("left", "right")
+    }
+    return c.model_copy(update=sides)
+
+
 def read_file(path: Path, prototype: str) -> Calibration:
     """Read the calibration of one model of an engine.
 

@@ -164,6 +164,9 @@ class PlantConfig(Section):
         description="of the engine's nominal use, with which the plant brakes in its safe state",
         json_schema_extra=LIVE,
     )
+    ideal: bool = Field(
+        default=False, description="an engine in full without heat to the wall and leakage"
+    )
     fmu: FmuConfig = FmuConfig()
     engine: EngineOverrides = EngineOverrides()
     sensors: SensorConfig = SensorConfig()
@@ -194,6 +197,13 @@ class PlantConfig(Section):
     def _unit_has_a_file(self) -> Self:
         if (self.model == "fmu") != bool(self.fmu.file):
             raise ValueError("model = 'fmu:FILE.fmu' needs a file, and fmu.file needs model 'fmu'")
+        return self
+
+    @model_validator(mode="after")
+    def _ideal_leaves_something_out(self) -> Self:
+        if self.ideal and self.model not in DETAILED_MODELS:
+            accepted = ", ".join(DETAILED_MODELS)
+            raise ValueError(f"ideal: model {self.model} has no such losses; accepted: {accepted}")
         return self
 
     @model_validator(mode="after")

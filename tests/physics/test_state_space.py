@@ -5,20 +5,26 @@ import sys
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from bench.cli.engine import app
 from hil.config.prototypes import NU
 from hil.errors import ConfigError, MissingExtraError
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.state_space import (
     LinearModel,
     as_control_system,
+    critical_load_n_s_m,
     damping_ratio,
     discrete,
+    frequency_response,
     linear_model,
     natural_frequency_rad_s,
     poles,
+    root_locus,
     stable,
     state_space,
+    step_response,
     transfer_function,
 )
 
@@ -90,6 +96,39 @@ def test_control_system_has_the_same_poles_and_gain():
     assert np.sort_complex(system.poles()) == pytest.approx(np.sort_complex(poles(RUNNING)))
     assert float(system.dcgain()) == pytest.approx(1.0 / RUNNING.stiffness_n_m)
     assert as_control_system(RUNNING, 1e-3).dt == 1e-3
+
+
+def test_responses_are_those_of_the_control_library():
+    library = pytest.importorskip("control")
+    system = as_control_system(RUNNING)
+    omega, t = np.geomspace(1.0, 1e3, 30), np.linspace(0.0, 0.2, 40)
+    expected = np.squeeze(library.frequency_response(system, omega).frdata)
+    assert frequency_response(RUNNING, omega) == pytest.approx(expected, rel=1e-9)
+    assert step_response(RUNNING, t) == pytest.approx(
+        library.step_response(system, t).outputs, abs=1e-11
+    )
+
+
+def test_root_locus_meets_the_axis_at_the_critical_load():
+    """And leaves the left half plane nowhere above no load: eq. 5.76 is no limit of stability."""
+    critical = critical_load_n_s_m(RUNNING)
+    locus = root_locus(RUNNING, np.array([0.0, 0.99 * critical, 1.01 * critical]))
+    assert locus[:, 0].real == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert abs(locus[0, 1].imag) > 0.0
+    assert locus[:, 2].imag == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert np.all(locus[:, 1:].real < 0.0)
+
+
+def test_analysis_tells_both_engines_and_draws_them(tmp_path):
+    page = tmp_path / "page.html"
+    done = CliRunner().invoke(app, ["analyse", "--out", str(page)])
+    assert done.exit_code == 0, done.output
+    assert [line.split()[-1] for line in done.output.splitlines() if "damping ratio" in line] == [
+        "0.4617",
+        "0.9402",
+    ]
+    assert page.read_text().count("data-plot=") == 4
+    assert CliRunner().invoke(app, ["analyse", "--engine", "opposed"]).exit_code != 0
 
 
 def test_missing_control_library_is_told_in_one_line(monkeypatch):

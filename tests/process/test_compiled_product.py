@@ -73,6 +73,7 @@ ROWS = {
     "compare": [Row("--controllers cascade,observer --out compared")],
     "tune": [Row("cascade"), Row("cascade --search --generations 1", TIMED)],
     "campaign": [Row("robustness --runs 8 --out campaign")],
+    "atlas": [Row("F6.2 F5.8 --out atlas", TIMED)],
     "bench latency": [
         Row(f"--link {link} --rate 200 --rounds 1 --seconds 0.5", TIMED)
         for link in ("zenoh", "shm")
@@ -89,6 +90,7 @@ ROWS = {
     "bus cost": [Row("", TIMED)],
     "engine table": [Row("")],
     "engine sweep": [Row("--over load"), Row("--over fuel")],
+    "engine analyse": [Row("")],
     "engine precision": [Row("", TIMED)],
     "fmu export": [Row("unit.fmu --model nonlinear")],
     "fmu check": [Row("../unit.fmu")],

@@ -6,17 +6,18 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bench.studies.engine.tables import motion_at, starting_peaks
+from bench.studies.engine.operation import PART_LOADS, part_load, starting_peaks, varied
 from bench.studies.engine.trace import Trace, cycle
 from hil.config.detailed import Calibration, read
 from hil.config.prototypes import NU
-from hil.errors import ConfigError, HilError
+from hil.errors import ConfigError, HilError, RunError
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Engine, Motion, engine_of
 from plant.engines.detailed.figures import Figures, figures, settled
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_curve
 
+_HALVINGS = 10
 _FORCES = ("motor_1_n", "motor_2_n", "motor_3_n")
 
 Settled = tuple[Engine, Motion]
@@ -42,15 +43,44 @@ class SweepPoint(NamedTuple):
 def _throttle(c: Calibration, value: float) -> Settled:
     """Fuel and intake opening by the throttle; the load goes down with it (thesis 4.3.1).
 
-    The Beijing engine's load stays, and the throttle is closed in steps (App. I 4.2).
+    The two-stroke engine's goes down as far as keeps its dead centre where it was, clear of misfire
+    and head; the four-stroke's, whose motor forces stay, in proportion. The Beijing engine's load
+    stays, and the throttle is closed in steps (App. I 4.2).
     """
     if c.name == "bit-running":
-        return motion_at(c, value)
-    machine = c.machine.model_copy(
-        update={"load_coefficient_n_s_m": c.machine.load_coefficient_n_s_m * value}
-    )
-    engine = engine_of(c.model_copy(update={"machine": machine}), throttle=value)
+        return part_load(c, value)
+    if c.cycle.kind == "two-stroke":
+        return _held(c, value)
+    return _loaded(c, value, value)
+
+
+def _loaded(c: Calibration, throttle: float, load: float) -> Settled:
+    """Settle at a throttle and a share of the nominal load."""
+    scaled = {"load_coefficient_n_s_m": c.machine.load_coefficient_n_s_m * load}
+    engine = engine_of(varied(c, machine=scaled), throttle=throttle)
     return engine, settled(engine)
+
+
+def _held(c: Calibration, throttle: float) -> Settled:
+    """Settle at a throttle with the load that leaves the dead centre where wide open has it.
+
+    The bracket closes on the last load at which the engine reaches it; a stall lies beyond.
+    """
+    target_m = figures(*_loaded(c, 1.0, 1.0)).tdc_m
+    low, high = throttle, 1.0
+    found = _loaded(c, throttle, low)
+    for _ in range(_HALVINGS if throttle < 1.0 else 0):
+        middle = 0.5 * (low + high)
+        try:
+            tried = _loaded(c, throttle, middle)
+            reached = figures(*tried).tdc_m >= target_m
+        except RunError:
+            reached = False
+        if reached:
+            low, found = middle, tried
+        else:
+            high = middle
+    return found
 
 
 def _ignition(c: Calibration, degrees: float) -> Settled:
@@ -81,13 +111,15 @@ def _motor_force(c: Calibration, scale: float) -> Settled:
     return engine, settled(engine)
 
 
+DEGREES = (18.0, 20.0, 22.0, 24.0)
+"""Ignition advances of Fig. 4.17."""
+
 SWEEPS = {
     "throttle": Sweep("of wide open", (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), _throttle),
-    "ignition": Sweep("degrees before TDC", (15.0, 16.0, 18.0, 20.0, 22.0, 24.0), _ignition),
+    "ignition": Sweep("degrees before TDC", (15.0, 16.0, *DEGREES), _ignition),
     "load": Sweep("of nominal", (0.90, 0.95, 0.97, 1.0, 1.01, 1.02, 1.03, 1.05), _load),
     "motor-force": Sweep("of nominal", (0.95, 0.97, 1.0, 1.03, 1.05, 1.10), _motor_force),
 }
-_PART_LOADS = (0.65, 0.75, 0.85, 0.95)
 STARTING_FORCES_N = (70.0, 90.0, 110.0, 130.0)
 FUEL_CHANGES = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)
 
@@ -104,7 +136,7 @@ def sweep(over: str, name: str) -> list[SweepPoint]:
         )
     if c.cycle.kind in {"motoring", "speed"}:
         raise ConfigError(f"--over {over}: engine {name} is motored; accepted: --over motor-force")
-    values = _PART_LOADS if (over, name) == ("throttle", "bit-running") else SWEEPS[over].values
+    values = PART_LOADS if (over, name) == ("throttle", "bit-running") else SWEEPS[over].values
     return [_point(over, c, value) for value in values]
 
 

@@ -18,13 +18,17 @@ _LONGEST_S = 2.0
 
 
 class Trace(NamedTuple):
-    """Arrays of shape (samples,), from a dead centre on; the gas is that of the left cylinder."""
+    """Arrays of shape (samples,), from a dead centre on; the gas is that of the left cylinder.
+
+    force_n: of the machine as it is ordered, load and motor; of a speed servo 0
+    """
 
     t_s: Array
     x_m: Array
     v_m_s: Array
     p_pa: Array
     volume_m3: Array
+    force_n: Array
 
 
 def cycle(engine: Engine, motion: Motion) -> Trace:
@@ -48,9 +52,10 @@ def _sample(engine: Engine, motion: Motion) -> Trace:
     length = engine.programme.shape[0]
     samples = []
     while d[at.ROWS] < rows + length and d[at.T] < begun + _LONGEST_S:
-        samples.append((d[at.T] - begun, y[at.X], y[at.V], pressure(engine.p, y, 0)))
+        force = d[at.FORCE] - d[at.LOAD] * d[at.LOAD_SCALE] * y[at.V]
+        samples.append((d[at.T] - begun, y[at.X], y[at.V], pressure(engine.p, y, 0), force))
         until = begun + len(samples) * _SAMPLE_S
         advance(engine.p, d, y, engine.programme, work, record, until, False)
-    t, x, v, p = np.array(samples).T
+    t, x, v, p, force = np.array(samples).T
     side = engine.p[at.CYL_P : at.CYL_P + at.CYL_P_STRIDE]
-    return Trace(t, x, v, p, side[at.AREA] * (side[at.LENGTH] + x))
+    return Trace(t, x, v, p, side[at.AREA] * (side[at.LENGTH] + x), force)

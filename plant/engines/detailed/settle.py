@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.config.detailed import Calibration, calibrations
+from hil.config.detailed import Calibration, calibrations, ideal
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.engines.detailed import layout as at
@@ -62,7 +62,7 @@ def calibration_of(config: PlantConfig) -> Calibration:
             f"plant.engine.{next(iter(given))}: model {config.model} takes its figures from its "
             f"calibration {found.name}; accepted here: nothing"
         )
-    return found
+    return ideal(found) if config.ideal else found
 
 
 def settle(c: Calibration, fuel_kg: float, load_n_s_m: float) -> Settled:

@@ -109,6 +109,33 @@ def damping_ratio(model: LinearModel) -> float:
     return model.damping_n_s_m / (2.0 * math.sqrt(model.stiffness_n_m * model.mass_kg))
 
 
+def critical_load_n_s_m(model: LinearModel) -> float:
+    """Load above which the motion is overdamped, c^2 = 4 m k     (the limit of thesis eq. 5.76)."""
+    return 2.0 * math.sqrt(model.stiffness_n_m * model.mass_kg)
+
+
+def frequency_response(model: LinearModel, omega_rad_s: Array) -> NDArray[np.complex128]:
+    """Return G(i omega) = 1 / (k - m omega^2 + i c omega), of the shape of omega [m/N]."""
+    m, c, k = model
+    found: NDArray[np.complex128] = np.reciprocal(k - m * omega_rad_s**2 + 1j * c * omega_rad_s)
+    return found
+
+
+def step_response(model: LinearModel, t_s: Array) -> Array:
+    """Position after a force of 1 N from rest at mid-stroke, of the shape of t [m]."""
+    m, c, k = model
+    start = segment(m, c, k, force_n=1.0, sine_n=0.0, x=0.0, v=0.0, tau=0.0)
+    return np.array([evaluate(start, float(t))[0] for t in t_s])
+
+
+def root_locus(model: LinearModel, loads_n_s_m: Array) -> NDArray[np.complex128]:
+    """Both poles over the load, shape (2, loads) [1/s]."""
+    found = np.empty((2, len(loads_n_s_m)), dtype=np.complex128)
+    for n, c in enumerate(loads_n_s_m):
+        found[:, n] = poles(model._replace(damping_n_s_m=float(c)))
+    return found
+
+
 def stable(model: LinearModel) -> bool:
     """Tell whether both poles lie in the left half plane: m, c and k all positive.
 

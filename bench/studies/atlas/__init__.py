@@ -1,0 +1,1 @@
+"""The atlas: every number that the thesis prints, made again and judged."""

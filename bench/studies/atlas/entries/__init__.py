@@ -1,0 +1,35 @@
+"""The entries by chapter: each module has those of its own, in `ENTRIES`."""
+
+from __future__ import annotations
+
+from bench.studies.atlas.entries import (
+    advantages,
+    beijing,
+    control,
+    cycles,
+    disturbances,
+    gas,
+    linear,
+    motoring,
+    part_load,
+    sensitivity,
+    starting,
+)
+from bench.studies.atlas.entry import Entry
+
+_MODULES = (
+    gas,
+    motoring,
+    cycles,
+    advantages,
+    part_load,
+    linear,
+    disturbances,
+    sensitivity,
+    control,
+    starting,
+    beijing,
+)
+
+ENTRIES: dict[str, Entry] = {entry.id: entry for module in _MODULES for entry in module.ENTRIES}
+"""All of them by id, in the order of the thesis."""
