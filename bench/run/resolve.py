@@ -6,7 +6,7 @@ from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
-from bench.run import engine_defaults, fmu_defaults
+from bench.run import engine_defaults, fmu_defaults, time_budget
 from bench.run.signal_names import check_expectations
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
@@ -65,6 +65,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
     tree["controller"]["own"] = _own(scenario)
+    time_budget.fit(scenario, tree)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)
