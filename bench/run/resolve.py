@@ -6,11 +6,12 @@ from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
-from bench.run import engine_defaults, fmu_defaults, time_budget
+from bench.run import engine_defaults, fmu_defaults
 from bench.run.signal_names import check_expectations
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
 from controller.supervisory import target_load
+from controller.timing import budget
 from hil.config.check import check
 from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.config.resolved import Resolved
@@ -65,7 +66,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
     tree["controller"]["own"] = _own(scenario)
-    time_budget.fit(scenario, tree)
+    budget.fit(scenario, tree)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)

@@ -5,10 +5,10 @@ from importlib.util import find_spec
 
 import pytest
 
-from bench.run import time_budget
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
+from controller.timing.budget import budget_of
 from hil import compiled
 from hil.config.base import read_toml
 from hil.config.load import build, with_override
@@ -40,7 +40,7 @@ def test_the_table_of_the_documentation_is_what_is_counted(row):
     if model == "two-stroke" and find_spec("numba") is None:
         pytest.skip("needs the extra `detailed`")
     controller = resolved(model, prototype).controller.model_dump()
-    budgets = [time_budget.budget_of(controller, rate) for rate in RATES]
+    budgets = [budget_of(controller, rate) for rate in RATES]
     assert f"{1e3 * budgets[0].half_stroke_s:.1f}" == half_stroke_ms
     assert f"{1e3 * budgets[0].injection_s:.1f}" == injection_ms
     assert [str(budget.lead_ticks - 1) for budget in budgets] == delays

@@ -14,10 +14,11 @@ The table that follows for our engines is in docs/control.md, "Rates and delays"
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, final
 
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.values import Value
 
 _MOST_LEAD: Final = 3
 """Two frames may be lost, and the injection opens in time."""
@@ -27,12 +28,16 @@ _CHARGE: Final = 1.25
 """Of the steady charge: as much as a load step of a fifth asks for."""
 
 
-class Budget(NamedTuple):
+@final
+class Budget(Value):
     """Times in seconds: a tick, mid-stroke to dead centre, and injection with all that it needs."""
 
-    tick_s: float
-    half_stroke_s: float
-    injection_s: float
+    __slots__ = ("tick_s", "half_stroke_s", "injection_s")
+
+    def __init__(self, tick_s: float, half_stroke_s: float, injection_s: float) -> None:
+        self.tick_s = tick_s
+        self.half_stroke_s = half_stroke_s
+        self.injection_s = injection_s
 
     @property
     def lead_ticks(self) -> int:
