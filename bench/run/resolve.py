@@ -13,6 +13,7 @@ from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
 from controller.performance import Steady
+from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import PROTOTYPES, Prototype
@@ -70,6 +71,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
         tree["plant"]["load_coefficient_n_s_m"] = prototype.load_coefficient_n_s_m
         _fill_controller(scenario, prototype, tree["controller"])
     tree["controller"]["own"] = _own(scenario)
+    budget.fit(scenario, tree)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)

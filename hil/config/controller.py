@@ -43,7 +43,7 @@ MidSpeed = Annotated[float, Field(gt=0.0, le=8.0)]
 class Gains(Tunable):
     """Gains of one PID loop (thesis eqs. 6.3, 6.4), which acts once a stroke.
 
-    The thesis's own loops are PI: kd is 0 unless it is given.
+    The thesis found little in a derivative term and leaves it out; so does the cascade here.
     """
 
     kp: float = Field(ge=-1e3, le=1e3)
@@ -71,8 +71,9 @@ class TdcGains(Gains):
     """TDC error [m] to fuel [kg]."""
 
     unit: ClassVar[str] = "kg/m"
-    kp: float = Field(default=1.8105e-4, ge=-1e3, le=1e3)
-    ki: float = Field(default=1.016e-4, ge=-1e3, le=1e3)
+    kp: float = Field(default=1.82e-4, ge=-1e3, le=1e3)
+    ki: float = Field(default=1.37e-4, ge=-1e3, le=1e3)
+    kd: float = Field(default=4.0e-5, ge=-1e3, le=1e3)
 
 
 class CascadeConfig(Tunable):
@@ -89,7 +90,7 @@ class CascadeConfig(Tunable):
 
 
 class SingleLoopConfig(Tunable):
-    """One PI from TDC error to fuel, with the delay of the thesis's Table 6.2 (kg per m)."""
+    """One PID from TDC error to fuel, with the delay of the thesis's Table 6.2 (kg per m)."""
 
     tdc: TdcGains = TdcGains()
 

@@ -41,7 +41,9 @@ class SingleLoop(Law[SingleLoopState]):
     """One loop, called once a stroke."""
 
     name: ClassVar[str] = "single-loop"
-    parameters: ClassVar[tuple[str, ...]] = ("single_loop.tdc.kp", "single_loop.tdc.ki")
+    parameters: ClassVar[tuple[str, ...]] = (
+        "single_loop.tdc.kp", "single_loop.tdc.ki", "single_loop.tdc.kd",
+    )  # fmt: skip
 
     def initial(self) -> SingleLoopState:
         """The operating point."""
