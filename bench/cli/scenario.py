@@ -8,7 +8,7 @@ import typer
 
 from bench.cli.options import Assignments
 
-app = typer.Typer(help="Look into scenarios.", no_args_is_help=True)
+app = typer.Typer(name="scenario", help="Look into scenarios.", no_args_is_help=True)
 
 
 @app.command()
@@ -31,4 +31,4 @@ def prove(
 
 def register(root: typer.Typer) -> None:
     """Add the commands to `hil`."""
-    root.add_typer(app, name="scenario")
+    root.add_typer(app)

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.run import engine_defaults, fmu_defaults
-from bench.run.signal_names import check_expectations
+from bench.run.checks.signals import check_expectations
+from bench.run.checks.stimuli import check_stimuli, loaded
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
 from controller.supervisory import target_load
@@ -45,6 +46,12 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     check_expectations(scenario)
+    whole = _resolved(loaded(scenario), sockets)
+    check_stimuli(whole)
+    return whole
+
+
+def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
     if fmu_defaults.is_unit(scenario):
         return fmu_defaults.fill(scenario, lambda like: resolve(like, sockets))
     check_names(scenario)
