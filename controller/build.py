@@ -15,6 +15,7 @@ from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
+from controller.stimulation import Stimulation
 from controller.supervisory import Supervisor
 from controller.timing.plan import NO_PLAN
 from controller.timing.valve_table import table_of
@@ -25,6 +26,7 @@ from hil.config.ranges import stale_ticks
 from hil.config.resolved import Resolved
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
+from hil.stimuli.player import player_of
 from hil.values import NEVER
 from hil.wire.commands import CONTROLLER, OperatorCommand
 
@@ -132,6 +134,15 @@ def schedule_of(scenario: Resolved) -> dict[int, OperatorCommand]:
     return schedule
 
 
+def stimulation_of(scenario: Resolved) -> Stimulation | None:
+    """The controller's stimuli, with the names of the orders that they may wait for; None: none."""
+    player = player_of(scenario, CONTROLLER)
+    if player is None:
+        return None
+    names = (name for name, event in scenario.events.items() if event.to == CONTROLLER)
+    return Stimulation(player, dict(zip(schedule_of(scenario), names, strict=True)))
+
+
 def make_loop(
     scenario: Resolved, ports: Ports, recorder: Recorder, pacer: Pacer | None = None
 ) -> ControllerLoop:
@@ -146,4 +157,5 @@ def make_loop(
         recorder=recorder, schedule=schedule_of(scenario),
         status_every=scenario.loop.status_every, peer_timeout_s=scenario.loop.peer_timeout_s,
         snapshot_every=scenario.loop.snapshot_every, oldest_ns=oldest_ns(scenario),
+        stimulation=stimulation_of(scenario),
     )  # fmt: skip

@@ -16,6 +16,7 @@ from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.step import step
+from controller.stimulation import Stimulation, StimulationMemory
 from controller.supervisory import Events
 from hil import snapshot
 from hil.errors import ConfigError
@@ -38,11 +39,11 @@ _COMMAND_EVERY: Final = 10
 class LoopMemory(Value):
     """All that the next turn depends on besides its inputs: layers, codec, and what was counted."""
 
-    __slots__ = ("tick", "state", "sent", "received", "late", "age")
+    __slots__ = ("tick", "state", "sent", "received", "late", "age", "stimuli")
 
     def __init__(
         self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64,
-        age: tuple[int, int],
+        age: tuple[int, int], stimuli: StimulationMemory | None = None,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.state = state
@@ -50,6 +51,7 @@ class LoopMemory(Value):
         self.received = received
         self.late = late
         self.age = age
+        self.stimuli = stimuli
 
 
 class ControllerLoop:
@@ -63,7 +65,7 @@ class ControllerLoop:
     def __init__(
         self, params: Params, state: State, *, ports: Ports, pacer: Pacer, recorder: Recorder,
         schedule: dict[int, OperatorCommand], status_every: int, peer_timeout_s: float,
-        snapshot_every: int = 0, oldest_ns: int = NEVER,
+        snapshot_every: int = 0, oldest_ns: int = NEVER, stimulation: Stimulation | None = None,
     ) -> None:  # fmt: skip
         self.params = params
         self.state = state
@@ -82,6 +84,7 @@ class ControllerLoop:
         self._planned_tick: i64 = min(schedule, default=NEVER)
         self._status_every: i64 = status_every
         self._snapshot_every: i64 = snapshot_every or NEVER
+        self._stimulation = stimulation
         self._heard = b""  # records of what was heard on the command key
         self._is_asked = False  # whether somebody waits for what becomes of a command
         self._finished: StrokeReport | None = None  # the last stroke that could fire
@@ -135,14 +138,27 @@ class ControllerLoop:
         """Step one tick."""
         self.tick = arrival.tick
         command = self._command(arrival.tick)
+        if self._stimulation is not None:
+            command = self._stimulated(self._stimulation, command)
         if self.reception.doubted:
             self._doubt(self.reception.doubted)
         sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
         inputs = Inputs(arrival.tick, sample, command, power_w, fault, arrival.valve)
         self.state, output = step(self.params, self.state, inputs)
+        if self._stimulation is not None:
+            self._stimulation.note(self.tick, output)
         if self._is_asked:
             self._tell_asker(output.events)
         return output
+
+    def _stimulated(
+        self, stimulation: Stimulation, command: OperatorCommand | None
+    ) -> OperatorCommand | None:
+        """Let the scenario's stimuli change what this tick is stepped with; return its command."""
+        t_ns = self.tick * self.params.period_ns
+        stimulation.take(self.tick, t_ns, self.state)
+        self._heard += stimulation.told
+        return stimulation.command() if command is None else command
 
     def _tell_asker(self, events: Events) -> None:
         """Tell who asked what has become of the command of this tick."""
@@ -264,7 +280,8 @@ class ControllerLoop:
         """Return all that the next turn depends on besides its inputs."""
         sent, received = self._encoder.remember(), self.reception.remember()
         age = self._age.remember()
-        return LoopMemory(self.tick, self.state, sent, received, self.late, age)
+        stimuli = None if self._stimulation is None else self._stimulation.remember()
+        return LoopMemory(self.tick, self.state, sent, received, self.late, age, stimuli)
 
     def recall(self, memory: LoopMemory) -> None:
         """Go on from what `remember` returned."""
@@ -274,3 +291,5 @@ class ControllerLoop:
         self._planned_tick = min((t for t in self._schedule if t > self.tick), default=NEVER)
         self._age.recall(memory.age)
         self._finished = None
+        if self._stimulation is not None and memory.stimuli is not None:
+            self._stimulation.recall(memory.stimuli)

@@ -24,6 +24,7 @@ OF_THE_CONTROLLER: Final = {
     "sample-doubted": "a sample was not believed",
 }
 OF_BOTH: Final = {
+    "stimulus": "a stimulus of the scenario begins or ends",
     "command": "an order over the command key was taken",
     "command-refused": "an order was refused",
     "real-time": "what the operating system granted",

@@ -8,6 +8,7 @@ from hil.config.plant import PlantConfig
 from hil.config.resolved import Resolved
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
 from hil.ports import Clock, Ports, Recorder
+from hil.stimuli.player import player_of
 from hil.wire.commands import PLANT, TimedCommand
 from plant.engines import build_engine
 from plant.loop import PlantLoop
@@ -81,5 +82,5 @@ def make_loop(
         params, state, events, link=ports.link, pacer=pacer or make_pacer(scenario),
         recorder=recorder, status=ports.status, commands=ports.commands,
         status_every=scenario.loop.status_every,
-        snapshot_every=scenario.loop.snapshot_every,
+        snapshot_every=scenario.loop.snapshot_every, player=player_of(scenario, "plant"),
     )  # fmt: skip

@@ -28,17 +28,17 @@ def parse(raw: bytes, origin: str, t_ns: int) -> TimedCommand | None:
         raise ConfigError(f"command from {origin}: {error}") from None
 
 
-def with_fault(p: PlantParams, next_edge: int, event: TimedCommand) -> PlantParams:
+def with_fault(p: PlantParams, next_edge: int, event: TimedCommand, name: str = "") -> PlantParams:
     """Return the parameters with one more event; those that have begun keep their place.
 
-    Parameters: next_edge : how many edges of the events have begun
+    Parameters: next_edge : how many edges of the events have begun; name : its own, if it has one
     """
     number = len(p.events)
     new = [replace(edge, event=number) for edge in compile_edges((event,))]
     ahead = sorted((*p.edges[next_edge:], *new), key=lambda e: (e.at_ns, e.begins, e.event))
     return replace(
         p,
-        names=(*p.names, f"ordered {number + 1}"),
+        names=(*p.names, name or f"ordered {number + 1}"),
         events=(*p.events, event),
         edges=(*p.edges[:next_edge], *ahead),
     )
@@ -49,5 +49,5 @@ def with_ordered(p: PlantParams, ordered: tuple[Ordered, ...]) -> PlantParams:
     for one in ordered:
         event = parse(one.text.encode(), "the log", one.t_ns)
         if event is not None:
-            p = with_fault(p, one.next_edge, event)
+            p = with_fault(p, one.next_edge, event, one.name)
     return p

@@ -13,6 +13,7 @@ from hil.exchange import await_batch
 from hil.log import topics
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
+from hil.stimuli.player import Player
 from hil.values import NEVER
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.fields import most_of
@@ -28,6 +29,7 @@ from plant.rig.silence import unheard
 from plant.rig.state import AS_BEFORE, PlantState
 from plant.rig.step import step
 from plant.sensors import sample, sensed, valve_move
+from plant.stimulation import Stimulation
 
 _NAN: Final = float("nan")
 _X_MOST: Final = most_of(PistonSample, "x_m")
@@ -55,6 +57,7 @@ class PlantLoop:
         status_every: int,
         snapshot_every: int = 0,
         commands: CommandSource | None = None,
+        player: Player | None = None,
     ) -> None:
         self.params = params
         self.state = state
@@ -72,6 +75,8 @@ class PlantLoop:
         self._commands = commands
         self._heard = b""
         self._ordered_faults: tuple[Ordered, ...] = ()
+        self._stimulation = Stimulation(player)
+        self.params, self.state = self._stimulation.apply(params, state, _NO_EVENTS)
         self._measured = self._measure()
 
     @property
@@ -89,17 +94,25 @@ class PlantLoop:
         slot = self._pacer.wait(tick)
         if slot.tick > tick:
             self._catch_up(tick, slot)
-        measured = self._measured
+        measured, told = self._measured, self._stimulation.told
         sent_ns, arrived = self._send_and_take(slot.tick, measured.batch)
         answer = self._understand(arrived)
         if self._commands is not None and slot.tick % _COMMAND_EVERY == 0:
             self._take_fault(self._commands, slot.tick)
         before = self.state
         self.state, events = step(self.params, before, answer.command)
+        self._stimulate(events)
         self._measured = self._measure()
-        self._record(slot, sent_ns, measured, answer, before, events)
+        self._record(slot, sent_ns, measured, answer, before, events, told)
         self._tell(slot)
         return slot.tick + 1
+
+    def _stimulate(self, events: tuple[Event, ...]) -> None:
+        """Let the scenario's stimuli change parameters at the start of the tick that comes next."""
+        stimulation = self._stimulation
+        stimulation.ordered = self._ordered_faults
+        self.params, self.state = stimulation.apply(self.params, self.state, events)
+        self._ordered_faults = stimulation.ordered
 
     def _send_and_take(self, tick: int, batch: bytes) -> tuple[int, list[bytes]]:
         """Send the sample of this tick, and take what acts in it.
@@ -185,11 +198,12 @@ class PlantLoop:
         held = None if self.answers.answered else AS_BEFORE
         self.missed += slot.tick - tick
         for missed in range(tick, slot.tick):
-            before = self.state
+            before, told = self.state, self._stimulation.told
             self.state, events = step(self.params, before, held)
+            self._stimulate(events)
             t_ns = missed * self.params.period_ns
             data = pack_skipped(missed, t_ns, slot.woke_ns, before)
-            self._put(data + pack_events(missed, t_ns, events))
+            self._put(data + pack_events(missed, t_ns, events) + told)
         self._measured = self._measure()
 
     def _record(
@@ -200,11 +214,12 @@ class PlantLoop:
         answer: Answer,
         before: PlantState,
         events: tuple[Event, ...],
+        told: bytes,
     ) -> None:
         """Hand the whole tick to the recorder, after everything that is in a hurry."""
         tick, period_ns = slot.tick, self.params.period_ns
         t_ns = tick * period_ns
-        data = pack_turn(slot, t_ns, sent_ns, measured, answer, before)
+        data = pack_turn(slot, t_ns, sent_ns, measured, answer, before) + told
         if self._initial_events:
             self._initial_events, events = _NO_EVENTS, self._initial_events + events
         if events:
@@ -219,7 +234,10 @@ class PlantLoop:
     def remember(self) -> LoopMemory:
         """Return all that the next turn depends on besides its inputs."""
         sent, answers = self._encoder.remember(), self.answers.remember()
-        return LoopMemory(self.state, sent, answers, self._measured, self._ordered_faults)
+        return LoopMemory(
+            self.state, sent, answers, self._measured, self._ordered_faults,
+            self._stimulation.remember(), self._stimulation.told,
+        )  # fmt: skip
 
     def recall(self, memory: LoopMemory) -> None:
         """Go on from what `remember` returned."""
@@ -228,6 +246,8 @@ class PlantLoop:
         self.answers.recall(memory.answers)
         self._ordered_faults = memory.ordered
         self.params = faults.with_ordered(self.params, memory.ordered)
+        self.params = self._stimulation.recall(memory.stimuli, self.params)
+        self._stimulation.told = memory.told
         self._initial_events = _NO_EVENTS
 
     def _tell(self, slot: Slot) -> None:

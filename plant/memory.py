@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import final
 
+from hil.stimuli.player import PlayerMemory
 from hil.values import Value
 from plant.answers import AnswersMemory
 from plant.rig.state import PlantState
@@ -34,21 +35,28 @@ class Measured(Value):
 
 @final
 class Ordered(Value):
-    """A fault ordered while the engine ran: as it came, when, and how many edges were past."""
+    """A fault ordered while the engine ran: as it came, when, and how many edges were past.
 
-    __slots__ = ("text", "t_ns", "next_edge")
+    name: of the scenario's event that it is, empty when it came over the command key
+    """
 
-    def __init__(self, text: str, t_ns: int, next_edge: int) -> None:
+    __slots__ = ("text", "t_ns", "next_edge", "name")
+
+    def __init__(self, text: str, t_ns: int, next_edge: int, name: str = "") -> None:
         self.text = text
         self.t_ns = t_ns
         self.next_edge = next_edge
+        self.name = name
 
 
 @final
 class LoopMemory(Value):
-    """The state of the engine, and of what is around it: frames sent, answers, faults."""
+    """The state of the engine, and of what is around it: frames sent, answers, faults, stimuli.
 
-    __slots__ = ("state", "sent", "answers", "measured", "ordered")
+    told: records of the stimuli that the next tick begins with
+    """
+
+    __slots__ = ("state", "sent", "answers", "measured", "ordered", "stimuli", "told")
 
     def __init__(
         self,
@@ -57,9 +65,13 @@ class LoopMemory(Value):
         answers: AnswersMemory,
         measured: Measured,
         ordered: tuple[Ordered, ...],
+        stimuli: PlayerMemory | None = None,
+        told: bytes = b"",
     ) -> None:
         self.state = state
         self.sent = sent
         self.answers = answers
         self.measured = measured
         self.ordered = ordered
+        self.stimuli = stimuli
+        self.told = told

@@ -14,8 +14,8 @@ from bench.judge.figures import RunData, read_run
 from bench.judge.strokes import Floats, Strokes
 from bench.judge.summary import Summary
 from bench.judge.traces import Trace, read_trace
+from bench.run.checks.signals import check_expectations
 from bench.run.directory import RunFiles
-from bench.run.signal_names import check_expectations
 from hil import log as logs
 from hil.config.load import build
 from hil.config.resolved import Resolved

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from controller.build import schedule_of
@@ -11,7 +12,8 @@ from hil.wire.commands import CONTROLLER
 
 _MAX_KEPT = 2000
 _REFUSED = "command-refused"
-_JUDGED = ("disturbance", "mode ", "safe-state", _REFUSED)
+_BEGINNINGS = ("disturbance", "stimulus")
+_JUDGED = (*_BEGINNINGS, "mode ", "safe-state", _REFUSED)
 """Codes that verdicts rest on: kept however many other lines there are."""
 
 
@@ -52,6 +54,18 @@ class Happenings(NamedTuple):
         """How many there were of each code."""
         return {code: len(times) for code, times in self.times_ns.items()}
 
+    def beginnings(self, name: str) -> list[int]:
+        """Return when an event of the scenario acted, each time; a command that it is, later."""
+        found: dict[str, list[int]] = {code: [] for code in _BEGINNINGS}
+        for line in self.lines:
+            if (
+                line.code in found
+                and line.text.startswith(f"{name} (")
+                and (line.text.endswith(" begins"))
+            ):
+                found[line.code].append(line.t_ns)
+        return found["disturbance"] or found["stimulus"]
+
     @property
     def refusals(self) -> tuple[Happening, ...]:
         """Orders that plant or controller refused, of the scenario or over the command key."""
@@ -84,16 +98,20 @@ def instants(scenario: Resolved, happenings: Happenings) -> tuple[Instant, ...]:
     A disturbance begins at the instant that the plant logged; an operator's command is the
     scenario's own doing and acts in its tick, unless it was refused or the run ended before.
     """
-    begun: dict[str, int] = {}
-    for line in happenings.lines:
-        name, _, rest = line.text.partition(" ")
-        if line.code == "disturbance" and rest.endswith(" begins"):
-            begun.setdefault(name, line.t_ns)
     ordered = _ordered(scenario, happenings)
-    return tuple(
-        ordered.get(name) or Instant(name, event.kind, begun.get(name))
+    events = [
+        ordered.get(name) or Instant(name, event.kind, _first(happenings.beginnings(name)))
         for name, event in scenario.events.items()
-    )
+    ]
+    stimuli = [
+        Instant(name, given.kind, _first(happenings.beginnings(name)))
+        for name, given in scenario.stimuli.items()
+    ]
+    return (*events, *stimuli)
+
+
+def _first(instants_ns: Sequence[int]) -> int | None:
+    return instants_ns[0] if instants_ns else None
 
 
 def _ordered(scenario: Resolved, happenings: Happenings) -> dict[str, Instant]:

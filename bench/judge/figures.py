@@ -90,6 +90,8 @@ class RunData(NamedTuple):
 
     def occurrences(self, name: str) -> Sequence[int]:
         """Return all instants [ns] of an event of the scenario, or of a code of the logs."""
+        if name in self.scenario.stimuli:
+            return self.happenings.beginnings(name)
         if name in self.scenario.events:
             return [i.t_ns for i in self.instants if i.name == name and i.t_ns is not None]
         return self.happenings.times_ns.get(name, [])
@@ -197,7 +199,7 @@ def main_instant(data: RunData) -> Instant | None:
 
 
 def _is_operators(scenario: Resolved, name: str) -> bool:
-    return scenario.events[name].to == CONTROLLER
+    return name in scenario.events and scenario.events[name].to == CONTROLLER
 
 
 def after(strokes: Strokes, event_ns: int) -> Figures:

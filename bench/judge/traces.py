@@ -9,8 +9,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from bench.judge.strokes import Floats, Ints, Strokes, read_truth, set_points
+from bench.run.checks.signals import DEAD_CENTRE, Source, source_of
 from bench.run.directory import opened
-from bench.run.signal_names import DEAD_CENTRE, Signal, signal_of
 from hil import log as logs
 from hil.config.resolved import Resolved, read_resolved
 from hil.log import Log
@@ -56,18 +56,19 @@ def read_trace(both: Mapping[str, Log], strokes: Strokes, name: str) -> Trace:
 
     Raises: LogError when the log has no such topic or field
     """
-    signal = signal_of(name)
+    signal = source_of(name)
     if signal.side == DEAD_CENTRE:
         return Trace(strokes.t_ns, getattr(strokes, signal.field))
     return _logged(both[signal.side], signal)
 
 
-def _logged(log: Log, signal: Signal) -> Trace:
+def _logged(log: Log, signal: Source) -> Trace:
     times: list[Any] = [np.empty(0, np.int64)]
     values: list[Any] = [np.empty(0)]
     for block in log.blocks(signal.topic):
         times.append(block["t_ns"].astype(np.int64))
-        values.append(block[signal.field].astype(np.float64))
+        column = block[signal.field]
+        values.append((column if signal.item is None else column[:, signal.item]).astype(float))
     return Trace(np.concatenate(times), np.concatenate(values))
 
 

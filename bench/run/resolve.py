@@ -6,9 +6,10 @@ from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
+from bench.run.checks.signals import check_expectations
+from bench.run.checks.stimuli import check_stimuli, loaded
 from bench.run.filling import detailed, fmu
 from bench.run.filling.start_load import start_load
-from bench.run.signal_names import check_expectations
 from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
@@ -51,6 +52,12 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     check_expectations(scenario)
+    whole = _resolved(loaded(scenario), sockets)
+    check_stimuli(whole)
+    return whole
+
+
+def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
     if fmu.is_unit(scenario):
         return fmu.fill(scenario, lambda like: resolve(like, sockets))
     check_names(scenario)

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from bench.api.runs import Given, resolve
+from bench.run.checks.signals import source_of
 from bench.run.memory.pair import Pair
-from bench.run.signal_names import signal_of
 from bench.suite.fixtures import changes_of
 from hil.errors import ConfigError
 from hil.wire import commands
@@ -103,7 +103,7 @@ def _condition(text: str) -> Callable[[Rig], bool]:
         signal, compared, bound = found[1], _COMPARED[found[2]], float(found[3])  # type: ignore[index]
     except (TypeError, ValueError):
         raise ConfigError(f"{text!r}: accepted is SIGNAL < NUMBER, or with <=, > or >=") from None
-    signal_of(signal)
+    source_of(signal)
     return lambda rig: compared(rig.read(signal), bound)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -47,6 +47,21 @@ def ranged(number: Number) -> Any:  # noqa: ANN401
     For `Annotated[float, ranged(number)]`.
     """
     return Field(ge=number.low, le=number.high)
+
+
+_SectionT = TypeVar("_SectionT", bound=Section)
+
+
+def with_leaves(section: _SectionT, changes: Mapping[str, Any]) -> _SectionT:
+    """Return a section in which some keys, as dotted paths, have other values: unchecked.
+
+    For changes whose range was checked before: a model of a hundred keys is not built for one.
+    """
+    for path, value in changes.items():
+        head, _, rest = path.partition(".")
+        inner = with_leaves(getattr(section, head), {rest: value}) if rest else value
+        section = section.model_copy(update={head: inner})
+    return section
 
 
 class OneOf:

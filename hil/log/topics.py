@@ -183,6 +183,18 @@ class Command(Record):
     data: Annotated[bytes, Field("uint8[]", "the command, JSON as it came")]
 
 
+class Stimulus(Record):
+    """What the stimuli of a scenario give to parameters, in the ticks in which one changes."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    count: Annotated[int, Field("uint8", "how many entries are valid")]
+    value: Annotated[
+        tuple[float, float, float, float, float, float, float, float],
+        Field("float64[8]", "of each parameter that was touched, in the order of the touching"),
+    ]
+
+
 SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor, EVERY_TICK)
 ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator, EVERY_TICK)
 STROKE: Final[Topic] = Topic("/stroke", 3, Stroke, EVERY_STROKE, ("controller",))
@@ -194,10 +206,11 @@ FRAMES_RECEIVED: Final[Topic] = Topic("/frames/received", 8, Frames, EVERY_TICK)
 DEMAND: Final[Topic] = Topic("/demand", 9, Demand, EVERY_STROKE, ("controller",))
 SNAPSHOT: Final[Topic] = Topic("/snapshot", 10, Snapshot)
 COMMAND: Final[Topic] = Topic("/command", 11, Command)
+STIMULUS: Final[Topic] = Topic("/stimulus", 12, Stimulus)
 
 ALL: Final[tuple[Topic, ...]] = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
-    DEMAND, SNAPSHOT, COMMAND,
+    DEMAND, SNAPSHOT, COMMAND, STIMULUS,
 )  # fmt: skip
 
 HOT: Final[tuple[Topic, ...]] = (

@@ -7,10 +7,12 @@ replay, or a run that goes on from a snapshot, does the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Final, NamedTuple, final
+from functools import reduce
+from typing import Any, Final, NamedTuple, final
 
 from mypy_extensions import i64
 
+from hil.config.scenario import Scenario
 from hil.config.suite.stimulus import Condition, Stimulus
 from hil.stimuli.courses import own_end_s, value_at
 from hil.values import Value, replace
@@ -51,14 +53,14 @@ class PlayerMemory(Value):
     """All that the next tick's stimuli depend on: progress of each, in order of beginning, values.
 
     begun: numbers of those in force, the one begun last at the end
-    values: what each parameter was last given, None for what it is without
+    values: what each parameter that was ever touched was last given
     """
 
     __slots__ = ("progress", "begun", "values")
 
     def __init__(
         self, progress: tuple[Progress, ...], begun: tuple[int, ...] = (),
-        values: tuple[tuple[str, float | None], ...] = (),
+        values: tuple[tuple[str, float], ...] = (),
     ) -> None:  # fmt: skip
         self.progress = progress
         self.begun = begun
@@ -68,13 +70,13 @@ class PlayerMemory(Value):
 class Taken(NamedTuple):
     """What a tick's stimuli come to.
 
-    changes: parameters with their new values; None gives one back to what it is without
-    commands: events of the scenario that begin now
+    changes: parameters with their new values
+    commands: events of the scenario that begin now, by name
     told: lines for the log
     """
 
-    changes: dict[str, float | None]
-    commands: list[TimedCommand]
+    changes: dict[str, float]
+    commands: list[tuple[str, TimedCommand]]
     told: list[str]
 
 
@@ -90,6 +92,11 @@ class Player:
         self._period_ns, self._seed, self._base = period_ns, seed, base
         self._ends_ns = [_ns(own_end_s(one)) for one in self._stimuli]
         self.memory = PlayerMemory(tuple(Progress() for _ in self._stimuli))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What each parameter that was ever touched has now."""
+        return dict(self.memory.values)
 
     def take(self, tick: int, read: Reading, happened: Collection[str]) -> Taken:
         """Return what changes with a tick.
@@ -123,7 +130,7 @@ class Player:
         names.add(name)
         taken.told.append(f"{name} ({given.kind}) begins")
         if given.command is not None:
-            taken.commands.append(given.command)
+            taken.commands.append((name, given.command))
         else:
             begun.append(number)
 
@@ -166,19 +173,19 @@ class Player:
 
     def _values(
         self, tick: int, now_ns: int, progress: Sequence[Progress], begun: Sequence[int]
-    ) -> dict[str, float | None]:
+    ) -> dict[str, float]:
         """The value of each parameter that was ever touched; the stimulus begun last counts."""
-        values: dict[str, float | None] = dict.fromkeys(key for key, _ in self.memory.values)
-        held = dict(self.memory.values)
-        values |= {key: held[key] for key in values if self._stays(key, progress)}
+        values = {
+            key: value if self._stays(key, progress) else self._base[key]
+            for key, value in self.memory.values
+        }
         for number in begun:
             given, base = self._stimuli[number], self._base[self._stimuli[number].parameter]
             t_s = float(now_ns - progress[number].begin_ns) * 1e-9
             inner = 0.0 if given.added else base
             value = value_at(given, t_s, inner, tick, self._seed, number)
             if given.added:
-                other = values.get(given.parameter)
-                value += base if other is None else other
+                value += values.get(given.parameter, base)
             values[given.parameter] = value
         return values
 
@@ -189,12 +196,26 @@ class Player:
             for given, at in zip(self._stimuli, progress, strict=True)
         )
 
-    def _compare(self, values: Mapping[str, float | None], taken: Taken) -> None:
+    def _compare(self, values: Mapping[str, float], taken: Taken) -> None:
         """Tell what is another value than in the tick before."""
         before = dict(self.memory.values)
         for key, value in values.items():
-            if value != before.get(key):
+            if value != before.get(key, self._base[key]):
                 taken.changes[key] = value
+
+
+def player_of(scenario: Scenario, side: str) -> Player | None:
+    """Return the stimuli of a side, None when it has none."""
+    own = {name: given for name, given in scenario.stimuli.items() if given.side == side}
+    if not own:
+        return None
+    keys = {given.parameter for given in own.values() if given.parameter}
+    base = {key: float(_leaf(scenario, key)) for key in keys}
+    return Player(own, scenario.loop.period_ns, scenario.run.seed, base)
+
+
+def _leaf(section: Any, key: str) -> Any:  # noqa: ANN401
+    return reduce(getattr, key.split("."), section)
 
 
 def _ns(seconds: float) -> int:

@@ -66,12 +66,18 @@ class PlantParams(Value):
         self.valves = valves
 
 
-def _injector_of(config: InjectorConfig) -> Injector:
+def injector_of(config: InjectorConfig) -> Injector:
+    """Return the injectors: both flows, with what each lacks of the nominal one."""
     flow = config.static_flow_kg_s
     return Injector(
         (flow * config.flow_scale_left, flow * config.flow_scale_right),
         config.dead_time_s * SECOND_NS,
     )
+
+
+def is_noisy(config: SensorConfig) -> bool:
+    """Whether the sensors say anything but the truth."""
+    return any(config.__dict__.values())
 
 
 def checked_period_ns(period_ns: int) -> int:
@@ -103,11 +109,11 @@ def rig_params(
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
         spark_window_ns=config.spark_window_s * SECOND_NS,
-        injector=_injector_of(config.injector),
+        injector=injector_of(config.injector),
         fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
         fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
         sensors=config.sensors,
-        noisy=any(config.sensors.model_dump().values()),
+        noisy=is_noisy(config.sensors),
         seed=seed,
         names=tuple(events),
         events=tuple(events.values()),

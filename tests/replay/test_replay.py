@@ -12,7 +12,7 @@ from bench.logs.commands import info as info_command
 from bench.logs.commands import replay as replay_command
 from bench.logs.replay import differences
 from bench.logs.replay.replay import replay_file
-from controller.motion import pi
+from controller.motion import pid
 from controller.motion.law import Law
 from controller.motion.laws import LAWS
 from controller.motion.laws.cascade import Cascade
@@ -116,10 +116,10 @@ def test_one_ulp_in_the_plant_is_found_in_its_tick(run_directory, monkeypatch):
 @pytest.mark.interpreted("replaces a function of a law")
 def test_the_command_tells_both_values_and_the_strokes_around(run_directory, monkeypatch, capsys):
     def other(*arguments):
-        state, terms = pi.pi_step(*arguments)
+        state, terms = pid.pid_step(*arguments)
         return state, replace(terms, u=terms.u * 1.001)
 
-    monkeypatch.setattr("controller.motion.laws.cascade.pi_step", other)
+    monkeypatch.setattr("controller.motion.laws.cascade.pid_step", other)
     assert replay_command(run_directory / "controller.mcap", None, None, None) == 1
     told = capsys.readouterr().out
     assert "differs first at tick" in told

@@ -2,14 +2,19 @@
 
 import math
 
+import numpy as np
 import pytest
 
+import hil
+from bench.logs.replay.replay import replay_file
 from bench.run.scenarios import read
 from hil import snapshot
 from hil.config.check import check
 from hil.config.load import build
 from hil.config.suite.stimulus import Stimulus
 from hil.errors import ConfigError
+from hil.log import Span
+from hil.log.part import ALWAYS
 from hil.stimuli.courses import extremes, own_end_s, value_at
 from hil.stimuli.player import Player, PlayerMemory
 
@@ -81,7 +86,7 @@ def test_a_step_begins_in_its_tick_and_gives_back_what_was_there():
     found = play({"load": stimulus(kind="step", value=0.8, at_s=0.1, duration_s=0.05)})
     assert found == [
         (100, {KEY: 0.8}, [], ["load (step) begins"]),
-        (150, {KEY: None}, [], ["load ends"]),
+        (150, {KEY: 1.0}, [], ["load ends"]),
     ]
 
 
@@ -100,7 +105,7 @@ def test_of_two_the_one_begun_last_counts_and_another_is_added():
     b = stimulus(kind="step", value=0.6, at_s=0.1, until_s=0.2)
     c = stimulus(kind="step", value=0.05, at_s=0.15, until_s=0.3, added=True)
     values = {tick: changes[KEY] for tick, changes, _, _ in play({"a": a, "b": b, "c": c})}
-    expected = {0: 0.8, 100: 0.6, 150: 0.65, 200: 0.85, 300: 0.8, 400: None}
+    expected = {0: 0.8, 100: 0.6, 150: 0.65, 200: 0.85, 300: 0.8, 400: 1.0}
     assert {t: v if v is None else round(v, 12) for t, v in values.items()} == expected
 
 
@@ -183,3 +188,100 @@ def test_what_is_no_stimulus_is_refused_by_its_key(event, told):
 
 def test_a_scenario_without_stimuli_has_none():
     assert read("load-decrease").stimuli == {}
+
+
+RUNNING = {
+    "run": {"duration_s": 1.4},
+    "events": {
+        "ramp": {"kind": "ramp", "parameter": KEY, "value": 1.1, "over_s": 0.2, "at_s": 0.1},
+        "drift": {"kind": "sine", "parameter": OTHER, "amplitude": 1e-4, "frequency_hz": 3.0},
+        "noise": {"kind": "noise", "parameter": "plant.sensors.offset_v_m_s", "sigma": 0.01,
+                  "when": {"event": "miss"}, "duration_s": 0.2},
+        "miss": {"kind": "misfire", "when": {"event": "ramp", "after_s": 0.2}},
+        "set": {"kind": "pulse", "parameter": "controller.tdc_ref_m", "value": 0.0152,
+                "width_s": 0.1, "repeat": 4, "every_s": 0.3, "at_s": 0.05},
+        "again": {"kind": "set-point", "tdc_ref_m": 0.0153,
+                  "when": {"signal": "controller.stroke.index", "above": 48.0}},
+    },
+    "expect": {"it": {"event": "miss", "then": "misfire", "within_s": 0.08},
+               "set": {"signal": "controller.stroke.tdc_ref_m", "statistic": "final",
+                       "min": 0.0153, "max": 0.0153}},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    return hil.run(RUNNING, out=tmp_path_factory.mktemp("run") / "it")
+
+
+def test_stimuli_act_in_their_ticks_and_are_in_the_log(running):
+    """The sensor's offset at tick k is the sine at its time, and the load that of the ramp."""
+    assert running.checks[0].met, running.checks[0].text
+    assert running.checks[1].met, running.checks[1].text
+    x_m, true_m = running.sensor.x_m, running.truth.x_m
+    t_s = running.truth.t_s
+    expected = 1e-4 * np.sin(2 * np.pi * 3.0 * t_s)
+    assert x_m - true_m == pytest.approx(expected, abs=1e-12)
+    load = running.truth.load_coefficient_n_s_m
+    assert load[302] / load[50] == pytest.approx(1.1, rel=1e-9)
+    assert load[202] / load[50] == pytest.approx(1.0 + 0.1 * 0.1 / 0.2, rel=2e-2)
+    told = [line.text for line in running.events if line.code == "stimulus"]
+    assert told[0] == "drift (sine) begins"
+    assert "noise (noise) begins" in told
+    assert "noise ends" in told
+
+
+@pytest.mark.parametrize("side", ["plant", "controller"])
+def test_a_run_with_stimuli_replays_to_the_bit_from_its_start_and_from_a_snapshot(running, side):
+    log = running.directory / f"{side}.mcap"
+    assert replay_file(log, None, ALWAYS).identical
+    assert replay_file(log, None, Span(1_200_000_000, 1_400_000_000)).identical
+
+
+PLAYED = "time,scale\n0.0,1.0\n0.1,0.9\n0.2,1.1\n"
+
+
+def test_a_column_of_a_file_is_played_back(tmp_path):
+    (tmp_path / "load.csv").write_text(PLAYED)
+    (tmp_path / "it.toml").write_text(
+        f'[events.it]\nkind = "playback"\nfile = "load.csv"\nparameter = "{KEY}"\nat_s = 0.1\n'
+    )
+    played = hil.run(str(tmp_path / "it.toml"), run__duration_s=0.4, out=tmp_path / "run")
+    load = played.truth.load_coefficient_n_s_m
+    assert load[[150, 250, 350]] / load[50] == pytest.approx([1.0, 0.9, 1.0])
+    again = {"events": {"it": {"kind": "playback", "parameter": OTHER, "scale": 0.001,
+                               "file": str(tmp_path / "run/plant.mcap"),
+                               "column": "plant.truth.x_m"}}}  # fmt: skip
+    second = hil.run(again, run__duration_s=0.2)
+    assert second.sensor.x_m - second.truth.x_m == pytest.approx(
+        0.001 * played.truth.x_m[:200], abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        ({"parameter": "plant.engine.bore_m"}, "cannot change while the engine runs"),
+        ({"parameter": "plant.sensors.noise_y"}, "is no parameter"),
+        ({"parameter": KEY, "value": 20.0}, "load_scale = 20.*accepted"),
+        ({"parameter": KEY, "when": {"signal": "controller.stroke.tdc_m", "above": 1.0}},
+         "when.signal: 'controller.stroke.tdc_m': accepted here: plant.truth.x_m"),
+        ({"parameter": KEY, "when": {"event": "mode safe"}}, "'mode safe' is none of the plant's"),
+        ({"parameter": "controller.tdc_ref_m", "value": 0.5}, "tdc_ref_m = 0.5; accepted"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_followed_is_refused_before_the_run(event, told):
+    with pytest.raises(ConfigError, match=rf"events\.it: .*{told}"):
+        hil.resolve({"events": {"it": {"kind": "step", "value": 0.5, **event}}})
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("time,a,b\n0,1,2\n", "no column ''; it has: time, a, b"), ("time,a\n0,x\n", "no numbers"),
+     ("time,a\n1,1\n0,1\n", "times must increase")],
+)  # fmt: skip
+def test_a_file_that_cannot_be_played_is_refused(tmp_path, text, told):
+    (tmp_path / "it.csv").write_text(text)
+    event = {"kind": "playback", "parameter": KEY, "file": str(tmp_path / "it.csv")}
+    with pytest.raises(ConfigError, match=rf"events\.it\.file: .*{told}"):
+        hil.resolve({"events": {"it": event}})

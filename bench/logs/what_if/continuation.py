@@ -33,6 +33,7 @@ from hil.files import Output
 from hil.log import Log, Span, topics
 from hil.pacing import LockstepPacer
 from hil.ports import Recorder
+from hil.stimuli.player import player_of
 from hil.values import NEVER
 from plant.loop import PlantLoop
 
@@ -258,7 +259,7 @@ def _plant(resumed: Resumed, wanted: Changed, end: Connection, recorder: Recorde
     loop = PlantLoop(
         wanted.plant_params, memory.state, link=end.link, pacer=pacer, recorder=recorder,
         status=end.status, status_every=NEVER,
-        snapshot_every=scenario.loop.snapshot_every,
+        snapshot_every=scenario.loop.snapshot_every, player=player_of(scenario, "plant"),
     )  # fmt: skip
     loop.recall(memory)
     return loop

@@ -13,7 +13,7 @@ from typing import Final
 import controller.build
 import plant.build
 from bench.run import offline
-from bench.run.signal_names import signal_of
+from bench.run.checks.signals import Source, source_of
 from controller.loop import ControllerLoop
 from drivers.channels import MemoryCommands
 from drivers.links import Connection, open_memory
@@ -46,14 +46,15 @@ class Newest(Recorder):
         self._data.append(data)
         self._put(data)
 
-    def value(self, topic: str, field: str) -> float:
-        """Return the newest value of a field; nan where the last ticks have none."""
-        declared = next(one for one in ALL if one.name == topic)
+    def value(self, source: Source) -> float:
+        """Return the newest value of a signal; nan where the last ticks have none."""
+        declared = next(one for one in ALL if one.name == source.topic)
         for data in reversed(self._data):
             if (payload := _last_payload(data, declared.channel_id)) is not None:
                 values = declared.layout.unpack(payload)
                 names = [each.name for each in declared.layout.fields]
-                return float(values[names.index(field)])
+                value = values[names.index(source.field)]
+                return float(value if source.item is None else value[source.item])
         return math.nan
 
 
@@ -139,10 +140,10 @@ class Pair:
 
         Raises: ConfigError when there is no such signal
         """
-        named = signal_of(signal)
+        named = source_of(signal)
         if named.side not in self._newest:
             raise ConfigError(f"signal {signal!r}: known at the end of a run only")
-        return self._newest[named.side].value(named.topic, named.field)
+        return self._newest[named.side].value(named)
 
     def close(self) -> None:
         """Finish the logs."""
