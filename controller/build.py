@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from controller.live.stimulation import Stimulation
 from controller.loop import ControllerLoop
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
@@ -15,7 +16,6 @@ from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
 from controller.observe.possible import possible_of
 from controller.state import Params, State
-from controller.stimulation import Stimulation
 from controller.supervisory import Supervisor
 from controller.timing.plan import NO_PLAN
 from controller.timing.valve_table import table_of

@@ -11,12 +11,12 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from controller.actuator import messages
+from controller.live.stimulation import Stimulation, StimulationMemory
 from controller.log import packed_note, packed_occasions, packed_tick
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
 from controller.state import Inputs, Output, Params, State, StrokeReport
 from controller.step import step
-from controller.stimulation import Stimulation, StimulationMemory
 from controller.supervisory import Events
 from hil import snapshot
 from hil.errors import ConfigError

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.report.suite_page import Row, page
+from bench.suite.page import Row, page
 from bench.suite.result import Result, requirements
 
 _SHORT = 46

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from bench.run.checks.signals import source_of
-from controller.stimulation import SIGNALS as OF_CONTROLLER
+from controller.live.stimulation import SIGNALS as OF_CONTROLLER
 from hil import log as logs
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario

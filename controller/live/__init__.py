@@ -1,0 +1,1 @@
+"""What changes while the controller runs: stimuli of a scenario, parameters."""
