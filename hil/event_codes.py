@@ -9,6 +9,7 @@ from hil.wire.messages import OPERATING_MODES
 OF_THE_PLANT: Final = {
     "misfire": "a charge did not burn",
     "contact": "the piston struck a head",
+    "valve-contact": "the piston struck an open valve",
     "at-rest": "the piston has come to rest",
     "in-motion": "the piston moves again",
     "disturbance": "an event of the scenario begins or ends",
@@ -22,6 +23,9 @@ OF_THE_CONTROLLER: Final = {
     "sample-late": "a sample was too late to act on",
     "sample-refused": "the first frames had no valid head",
     "sample-doubted": "a sample was not believed",
+    "power-limited": "the target power cannot be had: what is in its way",
+    "power-within-reach": "the target power can be had again",
+    "load-rate-limited": "the load moves to its new value at its own rate",
 }
 OF_BOTH: Final = {
     "stimulus": "a stimulus of the scenario begins or ends",
