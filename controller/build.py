@@ -21,7 +21,7 @@ from controller.timing.plan import NO_PLAN
 from controller.timing.valve_table import table_of
 from controller.timing.valves import initial as timing_of_valves
 from hil.config.controller import ControllerConfig
-from hil.config.prototypes import PROTOTYPES
+from hil.config.prototypes import Prototype
 from hil.config.ranges import stale_ticks
 from hil.config.resolved import Resolved
 from hil.pacing import LockstepPacer, Pacer, RealTimePacer
@@ -34,12 +34,12 @@ SAMPLE_PATIENCE_PERIODS: Final = 1.5
 """How long a sample may be late before its tick is stepped without it."""
 
 
-def make_params(config: ControllerConfig, prototype: str, period_ns: int) -> Params:
+def make_params(config: ControllerConfig, engine: Prototype, period_ns: int) -> Params:
     """Resolve a configuration for a prototype and a tick.
 
     Raises: ConfigError when there is no such law, or it cannot work with the configuration
     """
-    engine, limits = PROTOTYPES[prototype], config.limits
+    limits = config.limits
     limit_m = engine.position_limit_m if limits.tdc_m is None else limits.tdc_m
     supervisor = Supervisor(config, engine, float(period_ns) * 1e-9, limit_m)
     start = supervisor.initial()
@@ -151,7 +151,7 @@ def make_loop(
     Raises: ConfigError when there is no such law, or it cannot work
     """
     check_names(scenario)
-    params = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
+    params = make_params(scenario.controller, scenario.plant.believed(), scenario.loop.period_ns)
     return ControllerLoop(
         params, initial_state(params), ports=ports, pacer=pacer or make_pacer(scenario),
         recorder=recorder, schedule=schedule_of(scenario),

@@ -77,7 +77,13 @@ def run(
     bus: BusOption = None,
     clock: ClockOption = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
-    controller: Annotated[str | None, typer.Option(help="Law of the piston motion.")] = None,
+    prototype: Annotated[
+        str | None, typer.Option(help="Engine: a name, or a .toml file of one's own.")
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Law of the piston motion: a name, or a .py file of one's own."),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of everything random.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of logs, summary and report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
@@ -99,7 +105,7 @@ def run(
 
     flags = {
         "link.kind": link, "link.bus": bus, "loop.clock": clock, "plant.model": model,
-        "controller.name": controller, "run.seed": seed,
+        "plant.prototype": prototype, "controller.name": controller, "run.seed": seed,
         **commands.log_flags(log_segment, log_retain),
     }  # fmt: skip
     changes = commands.overrides(flags, assignments or [])

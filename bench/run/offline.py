@@ -95,7 +95,7 @@ def simulate(scenario: Resolved) -> Course:
     params = plant.build.make_params(scenario)
     state, events = plant.build.begin(scenario, params)
     law = controller.build.make_params(
-        scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
+        scenario.controller, scenario.plant.believed(), scenario.loop.period_ns
     )
     mind = controller.build.initial_state(law)
     schedule = _Schedule(controller.build.schedule_of(scenario))

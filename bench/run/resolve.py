@@ -17,7 +17,7 @@ from controller.performance import Steady
 from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
-from hil.config.prototypes import PROTOTYPES, Prototype
+from hil.config.prototypes import Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
@@ -68,7 +68,8 @@ def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
         )
     tree = scenario.model_dump()
     tree["plant"]["prototype"] = detailed.prototype_of(scenario)
-    _fill_figures(scenario, PROTOTYPES[tree["plant"]["prototype"]], tree)
+    engine = scenario.plant.model_copy(update={"prototype": tree["plant"]["prototype"]})
+    _fill_figures(scenario, engine.believed(), tree)
     if detailed.is_detailed(scenario):
         detailed.fill(scenario, tree)
     elif scenario.controller.timing.valves == "controller":

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
 from hil.config.base import Section, Tree, read_toml
 from hil.config.check import check
-from hil.config.prototypes import PROTOTYPES, model_files
+from hil.config.plant import PlantConfig
+from hil.config.prototypes import PROTOTYPES, Prototype, model_files
 from hil.config.ranges import (
     FlowKgS,
     ForceN,
@@ -26,6 +29,7 @@ from hil.config.ranges import (
 )
 from hil.errors import ConfigError
 
+NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
 Metres = Annotated[float, Field(gt=0.0, le=1.0)]
 Position = Annotated[float, Field(ge=-1.0, le=1.0)]
 SquareMetres = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -262,13 +266,15 @@ def ideal(c: Calibration) -> Calibration:
     return c.model_copy(update=sides)
 
 
-def read_file(path: Path, prototype: str) -> Calibration:
+def read_file(path: Path, engine: Prototype, own: Mapping[str, Any] = NOTHING) -> Calibration:
     """Read the calibration of one model of an engine.
 
+    Parameters: own : tables of which single keys take the place of the file's
     Raises: ConfigError naming file, key and what is accepted
     """
     tree: Tree = read_toml(path)
-    engine = PROTOTYPES[prototype]
+    for table, keys in own.items():
+        tree[table] = {**tree.get(table, {}), **keys}
     for table, keys in _OF_THE_ENGINE.items():
         given = tree.get(table)
         if isinstance(given, dict):
@@ -283,9 +289,49 @@ def calibrations() -> dict[tuple[str, str], Calibration]:
     Raises: ConfigError when one of them cannot be used
     """
     return {
-        (model, prototype): read_file(path, prototype)
+        (model, prototype): read_file(path, PROTOTYPES[prototype])
         for prototype in PROTOTYPES
         for model, path in model_files(prototype).items()
+    }
+
+
+def of_plant(config: PlantConfig) -> Calibration:
+    """Return the calibration of a plant's model and engine, its own figures put in.
+
+    A figure that the calibration states itself is not taken from the engine.
+
+    Raises: ConfigError when there is none, or a figure is none that it takes
+    """
+    known = calibrations()
+    found = known.get((config.model, config.prototype))
+    if found is None:
+        accepted = ", ".join(f"{m} with {e}" for m, e in known)
+        raise ConfigError(
+            f"plant.model {config.model} has no calibration for plant.prototype "
+            f"{config.prototype}; accepted: {accepted}"
+        )
+    given = config.engine.model_dump(exclude_none=True)
+    if not given and not config.own.name:
+        return found
+    path = model_files(config.prototype)[config.model]
+    taken = _taken_from_the_engine(path) & type(config.engine).model_fields.keys()
+    for key in given.keys() - taken:
+        raise ConfigError(
+            f"plant.engine.{key}: model {config.model} takes none such from its engine; accepted "
+            f"here: {', '.join(sorted(taken))}"
+        )
+    own = config.own.models.get(config.model, {})
+    return read_file(path, config.resolved_prototype(), own)
+
+
+def _taken_from_the_engine(path: Path) -> set[str]:
+    """The engine's figures that a calibration takes: those that it does not state itself."""
+    tree = read_toml(path)
+    return {
+        figure
+        for table, keys in _OF_THE_ENGINE.items()
+        for key, figure in keys.items()
+        if isinstance(tree.get(table), dict) and key not in tree[table]
     }
 
 

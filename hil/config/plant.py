@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
-from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files
+from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
     STALE_S,
     DeadTimeS,
@@ -154,6 +155,20 @@ class FmuConfig(Section):
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
+class OwnEngineConfig(Section):
+    """An engine of the user's own, by what differs from the prototype that it is like.
+
+    `prototype = "./my.toml"`. Plant and controller both believe it; `plant.engine` is what only the
+    plant has.
+
+    name: the file's; figures: keys of an engine.toml; models: tables of the models in full
+    """
+
+    name: str = ""
+    figures: dict[str, float | int] = Field(default_factory=dict)
+    models: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+
+
 class PlantConfig(Section):
     """Which engine, which model of it, and its actuators and sensors."""
 
@@ -169,6 +184,7 @@ class PlantConfig(Section):
     )
     fmu: FmuConfig = FmuConfig()
     engine: EngineOverrides = EngineOverrides()
+    own: OwnEngineConfig = OwnEngineConfig()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
     valves: ValvesConfig = ValvesConfig()
@@ -193,6 +209,17 @@ class PlantConfig(Section):
         file = model.removeprefix(_FMU)
         return given | {"model": "fmu", "fmu": {**fmu, "file": file} if file else fmu}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _prototype_with_file(cls, given: Any) -> Any:  # noqa: ANN401
+        """Read `./my.toml` as the prototype that it is like, and what it has of its own."""
+        file = given.get("prototype") if isinstance(given, dict) else None
+        if not isinstance(file, str) or not file.endswith(".toml"):
+            return given
+        like, figures, models = read_own(Path(file))
+        own = {"name": Path(file).stem, "figures": figures, "models": models}
+        return given | {"prototype": like, "own": own}
+
     @model_validator(mode="after")
     def _unit_has_a_file(self) -> Self:
         if (self.model == "fmu") != bool(self.fmu.file):
@@ -208,16 +235,25 @@ class PlantConfig(Section):
 
     @model_validator(mode="after")
     def _model_knows_the_engine(self) -> Self:
-        if PROTOTYPES[self.prototype].chambers < 2 and self.model not in DETAILED_MODELS:
+        if self.believed().chambers < 2 and self.model not in DETAILED_MODELS:
             raise ValueError(
                 f"prototype {self.prototype} has one chamber; models that accept it: "
                 + ", ".join(model_files(self.prototype))
             )
         return self
 
+    def believed(self) -> Prototype:
+        """Return the engine as both sides know it: the prototype, or the user's own like it."""
+        known = PROTOTYPES[self.prototype]
+        if not self.own.name:
+            return known
+        return Prototype.model_validate(
+            known.model_dump() | self.own.figures | {"name": self.own.name}
+        )
+
     def resolved_prototype(self) -> Prototype:
         """Return the prototype with this configuration's replacements, checked as a whole."""
         given: dict[str, Any] = self.engine.model_dump(exclude_none=True)
         if self.load_coefficient_n_s_m is not None:
             given["load_coefficient_n_s_m"] = self.load_coefficient_n_s_m
-        return Prototype.model_validate(PROTOTYPES[self.prototype].model_dump() | given)
+        return Prototype.model_validate(self.believed().model_dump() | given)

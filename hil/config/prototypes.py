@@ -9,6 +9,7 @@ import math
 import sys
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from pydantic import Field
 
@@ -130,6 +131,25 @@ def read(directory: Path) -> Prototype:
     """
     path = directory / _FIGURES
     return check(Prototype, read_toml(path) | {"name": directory.name}, str(path))
+
+
+def read_own(path: Path) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """Read an engine of the user's own: `like`, figures that differ, and tables by model.
+
+    Returns: the prototype that it is like, its figures, and its tables `[MODEL.TABLE]`
+    Raises: ConfigError naming file, key and what is accepted
+    """
+    tree = dict(read_toml(path))
+    like = tree.pop("like", DEFAULT.name)
+    if like not in PROTOTYPES:
+        raise ConfigError(f"{path}: like = {like!r}: accepted: {', '.join(PROTOTYPES)}")
+    tables = {key: tree.pop(key) for key in list(tree) if isinstance(tree[key], dict)}
+    for model in tables:
+        if model not in model_files(like):
+            known = ", ".join(f"[{name}.TABLE]" for name in model_files(like))
+            raise ConfigError(f"{path}: [{model}]: {like} has: {known or 'no such model'}")
+    check(Prototype, PROTOTYPES[like].model_dump() | tree, str(path))
+    return like, tree, tables
 
 
 def model_files(prototype: str) -> dict[str, Path]:

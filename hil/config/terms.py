@@ -15,7 +15,7 @@ from hil.wire.terms import VERSION, Terms, frames_text
 def terms_of(scenario: Resolved) -> Terms:
     """Return what this side holds to."""
     loop, plant = scenario.loop, scenario.plant
-    stated = (PROTOTYPES[plant.prototype], plant.engine)
+    stated = (plant.believed(), plant.engine, plant.own)
     figures = "\n".join(section.model_dump_json() for section in stated) + plant.fmu.sha256
     return (
         VERSION, frames_text(), loop.rate_hz, loop.clock, scenario.link.zenoh.engine,

@@ -15,6 +15,7 @@ from bench.run.resolve import resolve
 from controller.state import Inputs
 from hil.config.base import read_toml
 from hil.config.load import build, with_override
+from hil.config.prototypes import NU
 from hil.wire.messages import PistonSample
 from plant.rig.state import Command
 from plant.rig.step import step
@@ -31,7 +32,7 @@ def run(duration_s, **changes):
     scenario = resolve(build(tree, "test"))
     params = plant.build.make_params(scenario)
     state, _ = plant.build.begin(scenario, params)
-    law = controller.build.make_params(scenario.controller, "nu", scenario.loop.period_ns)
+    law = controller.build.make_params(scenario.controller, NU, scenario.loop.period_ns)
     mind, command = controller.build.initial_state(law), Command()
     schedule = controller.build.schedule_of(scenario)
     strokes, events = [], []

@@ -11,6 +11,7 @@ from bench.run.resolve import resolve
 from controller.state import Inputs
 from controller.step import step as answer
 from hil.config.load import build
+from hil.config.prototypes import NU
 from hil.rounding import nearest
 from hil.wire.messages import PistonSample
 from plant.rig.state import Command
@@ -35,7 +36,7 @@ class ValveRun:
 
     def _run(self, lost):
         config = self.scenario.controller
-        law = controller.build.make_params(config, "nu", 1_000_000)
+        law = controller.build.make_params(config, NU, 1_000_000)
         mind, command = controller.build.initial_state(law), Command()
         for tick in range(self.scenario.ticks):
             s = self.state

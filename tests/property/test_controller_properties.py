@@ -14,6 +14,7 @@ from controller.observe.estimate import Motion, update
 from controller.state import Inputs
 from controller.step import step
 from hil.config.controller import ControllerConfig, Gains
+from hil.config.prototypes import NU
 from hil.values import fields_of, replace
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand
@@ -32,7 +33,7 @@ numbers = st.floats(-1e3, 1e3)
 
 
 def params(running, law):
-    return make_params(ControllerConfig(running=running, name=law), "nu", MS)
+    return make_params(ControllerConfig(running=running, name=law), NU, MS)
 
 
 @ANY_MACHINE

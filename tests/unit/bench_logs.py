@@ -83,7 +83,7 @@ def _write_controller(path: Path, made: Made) -> None:
         log.put(
             topics.STROKE.pack(
                 index, tick, tick * PERIOD_NS, side, abs(centre.x_m), made.tdc_ref_m,
-                1.94, 1.94, 2.8e-6, 0.0, 0.0, 0.0, 0.0,
+                1.94, 1.94, 2.8e-6, 0.0, 0.0, 0.0, 0.0, 19.9, 1500.0, 0.0,
             )
         )  # fmt: skip
     for t_ns, code, text in made.controller_events:

@@ -132,11 +132,11 @@ def test_every_part_of_a_tick_is_told(tmp_path):
 
 
 def test_every_fast_model_is_told_with_every_law_or_refused(monkeypatch):
-    monkeypatch.setattr(step_cost, "LAWS", {"cascade": None, "observer": None})
+    monkeypatch.setattr(step_cost, "LAWS", {"cascade": None, "machine": None})
     table = step_cost.measure_all(100)
     assert set(table) == {"closed-form", "harmonic", "rectangular", "nonlinear"}
-    assert table["harmonic"]["observer"] > 0.0
-    assert table["nonlinear"]["observer"] is None
+    assert table["nonlinear"]["machine"] > 0.0
+    assert table["closed-form"]["machine"] is None
 
 
 class SlowLink(Link):

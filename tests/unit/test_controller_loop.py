@@ -10,6 +10,7 @@ from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
 from hil import pacing, ports
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import NU
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
 from hil.wire.codec import Decoder, Encoder
@@ -81,7 +82,7 @@ class Bench:
     """A controller loop, and a plant's encoder to talk to it."""
 
     def __init__(self, schedule=None, **config):
-        params = make_params(ControllerConfig(**config), "nu", MS)
+        params = make_params(ControllerConfig(**config), NU, MS)
         self.link, self.pacer, self.log = Link(), Pacer(), Log()
         self.status, self.commands = Status(), Commands()
         self.encoder, self.decoder = Encoder(), Decoder("controller")

@@ -11,6 +11,7 @@ from controller.mode.start_restart import Mode
 from controller.state import Inputs
 from controller.step import step
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import NU
 from hil.values import replace
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.commands import OperatorCommand
@@ -22,7 +23,7 @@ FULL_LOAD = 810.0
 
 
 def params(period_ns=MS, **config):
-    return make_params(ControllerConfig(**config), "nu", period_ns)
+    return make_params(ControllerConfig(**config), NU, period_ns)
 
 
 def swing(tick, amplitude=0.0155):

@@ -10,7 +10,7 @@ from hil.config.check import check
 from hil.config.controller import ControllerConfig
 from hil.config.detailed import Calibration
 from hil.config.plant import DETAILED_MODELS
-from hil.config.prototypes import PROTOTYPES, engine_with
+from hil.config.prototypes import engine_with
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from hil.roots import secant
@@ -72,7 +72,7 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     _fill_injectors(scenario, tree, c.heat.injector_kg_s)
     control = tree["controller"]
     _give(control["supervisory"], "load_coefficient_n_s_m", load)
-    _give(control["limits"], "tdc_m", PROTOTYPES[plant.prototype].position_limit_m)
+    _give(control["limits"], "tdc_m", plant.believed().position_limit_m)
     _give(control["open_loop"], "fuel_kg", c.heat.energy_j / c.heat.heating_value_j_kg)
     if "force_n" not in scenario.controller.start.model_fields_set:
         control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.config.detailed import Calibration, calibrations, ideal
+from hil.config.detailed import Calibration, ideal, of_plant
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.engines.detailed import layout as at
@@ -46,22 +46,9 @@ class Settled(NamedTuple):
 def calibration_of(config: PlantConfig) -> Calibration:
     """Read the calibration of a plant's model and prototype.
 
-    Raises: ConfigError when the pair has none, or single figures are to be replaced
+    Raises: ConfigError when the pair has none, or takes no such figure
     """
-    known = calibrations()
-    found = known.get((config.model, config.prototype))
-    if found is None:
-        accepted = ", ".join(f"{m} with {e}" for m, e in known)
-        raise ConfigError(
-            f"plant.model {config.model} has no calibration for plant.prototype "
-            f"{config.prototype}; accepted: {accepted}"
-        )
-    given = config.engine.model_dump(exclude_none=True)
-    if given:
-        raise ConfigError(
-            f"plant.engine.{next(iter(given))}: model {config.model} takes its figures from its "
-            f"calibration {found.name}; accepted here: nothing"
-        )
+    found = of_plant(config)
     return ideal(found) if config.ideal else found
 
 
