@@ -6,6 +6,7 @@ from mypy_extensions import i64
 
 from controller import safety
 from controller.mode.start_restart import GENERATING, Mode
+from controller.motion.drive import counted
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand
 from controller.motion.prediction import dead_centre, seconds_ahead, unseen_dead_centre
@@ -21,6 +22,8 @@ from hil.rounding import nearest
 def turned(params: Params, state: State, seen: Observation) -> Observation:
     """Have the map tell the dead centre that no sample has shown, or none could well enough."""
     stroke_map = params.stroke_map
+    if params.cycle is not None:
+        seen = seen.with_motion(counted(state.motion, seen.motion))
     if seen.whole and (stroke_map is None or not stroke_map.hardens):
         return seen
     load, charges = braking(state.operation.mode, state.set_points, state.fuelling)

@@ -11,6 +11,7 @@ from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
 from controller.motion.calibration import calibrate
 from controller.motion.choice import check, check_names, make_laws
+from controller.motion.drive import Cycle
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
@@ -61,10 +62,14 @@ def make_params(config: ControllerConfig, engine: Prototype, period_ns: int) -> 
         engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
         all(config.timing.fires), most_n,
     )  # fmt: skip
-    table = None
+    table = cycle = None
+    if config.cycle.drive == "controller":
+        cycle = Cycle(config.cycle, engine, period_ns * 1e-9)
     if config.timing.valves == "controller":
         table = table_of(config.valves, engine.half_stroke_m, not config.running)
-    return Params(config, engine, period_ns, bounds, supervisor, stroke_map, laws, possible, table)
+    return Params(
+        config, engine, period_ns, bounds, supervisor, stroke_map, laws, possible, table, cycle
+    )
 
 
 def initial_mode(config: ControllerConfig) -> Mode:

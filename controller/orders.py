@@ -1,13 +1,26 @@
-"""What an operator asks for: set points and law, taken or refused with the reason."""
+"""Orders in and out: what an operator asks for, what the machine and the valves are told."""
 
 from __future__ import annotations
 
+from mypy_extensions import i64
+
+from controller import actuator
+from controller.actuator import Machine
+from controller.knowledge import motoring_force
+from controller.mode.start_restart import GENERATING, MOTORING, Mode
+from controller.motion import drive
 from controller.motion.choice import refusal
-from controller.observe.estimate import NOTHING
-from controller.state import Params, State, view_of
-from controller.supervisory import Events
+from controller.motion.drive import Drive
+from controller.observe.estimate import NOTHING, Motion, Observation
+from controller.state import Inputs, Params, State, view_of
+from controller.supervisory import Events, SetPoints
+from controller.timing import valves
+from controller.timing.plan import PlannedPulse
+from controller.timing.valves import ValveTiming
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
+from hil.wire.messages import GENERATOR, MOTOR
+from hil.wire.pulses import may_fire
 
 
 def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State, Events]:
@@ -41,3 +54,51 @@ def _with_law(params: Params, state: State, name: str) -> State:
     """Let another law go on from here; in a mode without one it will begin afresh."""
     view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
     return replace(state, fuelling=state.fuelling.handed_over(name, params.law_of(name), view))
+
+
+def with_valves(
+    params: Params, timing: ValveTiming | None, before: Motion, seen: Observation, inputs: Inputs,
+    mode: Mode, pulses: tuple[PlannedPulse, ...],
+) -> tuple[ValveTiming | None, tuple[PlannedPulse, ...]]:  # fmt: skip
+    """Level 4: the valves' edges, and which of all orders this tick has room for.
+
+    A tick in which the plant tells of a valve has one frame less.
+    """
+    table = params.valve_table
+    if table is None or timing is None:
+        return timing, pulses
+    timing = valves.observe(
+        table, timing, before, seen.motion, seen.passed.dead_centre, inputs.valve
+    )
+    if not may_fire(mode):
+        return valves.at_rest(timing), pulses
+    timing = valves.plan(table, params.timings, timing, seen.t_ns, params.period_ns)
+    room: i64 = actuator.MAX_PULSES if inputs.valve is None else actuator.MAX_PULSES - 1
+    acts_ns = seen.t_ns + params.timings.act_ticks * params.period_ns
+    return valves.to_send(timing, pulses, inputs.tick, acts_ns, room)
+
+
+def machine_order(
+    params: Params, driving: Drive, mode: Mode, seen: Observation, set_points: SetPoints,
+    load_n_s_m: float,
+) -> tuple[Drive, Machine]:  # fmt: skip
+    """The machine's order in this mode; motoring pushes in the direction of motion."""
+    motion, cycle, force = seen.motion, params.cycle, 0.0
+    if cycle is not None and (mode is GENERATING or mode is MOTORING):
+        if seen.passed.dead_centre:
+            driving = drive.learn(cycle, driving, motion, set_points.tdc_ref_m)
+        motoring_n = params.start.force_n if mode is MOTORING else 0.0
+        driving = drive.order(cycle, driving, motion, load_n_s_m, motoring_n)
+        if driving.generates:
+            return driving, Machine(GENERATOR, 0.0, load_n_s_m)
+        return driving, Machine(MOTOR, driving.force_n)
+    if mode is MOTORING:
+        start = params.start
+        direction = -1.0 if motion.direction < 0 else 1.0
+        amplitude = start.amplitude_ratio * set_points.tdc_ref_m
+        force = direction * start.force_n
+        if not start.constant_force:
+            force = direction * min(start.force_n, motoring_force(
+                params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
+    full_load = params.supervisor.full_load_n_s_m
+    return driving, actuator.machine_for(mode, force, load_n_s_m, full_load)

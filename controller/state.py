@@ -10,6 +10,7 @@ from mypy_extensions import i64
 from controller.actuator import Machine
 from controller.mode.operation import Bounds, Operation
 from controller.mode.start_restart import Mode
+from controller.motion.drive import AT_REST, Cycle, Drive
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand, Law, View
 from controller.motion.maps.stroke_map import StrokeMap
@@ -47,12 +48,13 @@ class Params:
 
     laws: all that there are, by name; the one with which the run begins is at hand as `law`
     valve_table: where valves are to move, None where the controller does not move them
+    cycle: the machine's part in a four-stroke cycle, None where the controller does not drive it
     """
 
     def __init__(
         self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
         supervisor: Supervisor, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
-        possible: Possible, valve_table: ValveTable | None = None,
+        possible: Possible, valve_table: ValveTable | None = None, cycle: Cycle | None = None,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -63,6 +65,7 @@ class Params:
         self.stroke_map = stroke_map
         self.possible = possible
         self.valve_table = valve_table
+        self.cycle = cycle
         self.limits = Limits(config.limits)
         self.start = Start(config.start)
         self.timings = Timings(config)
@@ -86,13 +89,13 @@ class State(Value):
 
     __slots__ = (
         "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
-        "valves", "metering",
+        "valves", "metering", "drive",
     )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
-        valves: ValveTiming | None = None, metering: Metering = UNMETERED,
+        valves: ValveTiming | None = None, metering: Metering = UNMETERED, drive: Drive = AT_REST,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -104,6 +107,7 @@ class State(Value):
         self.ahead = ahead
         self.valves = valves
         self.metering = metering
+        self.drive = drive
 
     @property
     def in_force(self) -> Plan:

@@ -12,9 +12,7 @@ from typing import Any, Final
 from mypy_extensions import i64
 
 from controller import actuator, safety
-from controller.actuator import Machine
 from controller.anticipation import braking, end_of_stroke, ordered_ahead, turned, unasked
-from controller.knowledge import motoring_force
 from controller.mode.combustion import has_misfired
 from controller.mode.operation import decide, is_uneventful
 from controller.mode.start_restart import GENERATING, MOTORING, Mode
@@ -28,19 +26,17 @@ from controller.observe.estimate import (
     observe,
     seconds_to_dead_centre,
 )
-from controller.orders import obey
+from controller.orders import machine_order, obey, with_valves
 from controller.state import Inputs, Output, Params, State, StrokeReport, view_of
 from controller.supervisory import SHORT_M, Events, SetPoints
-from controller.timing import position, valves
+from controller.timing import position
 from controller.timing.advance import is_far, postponed
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
-from controller.timing.valves import ValveTiming
 from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
-from hil.wire.pulses import may_fire
 
 SHORTEST_STROKE: Final = 0.3
 """Dead centres nearer to each other than this part of a steady stroke are one and the same."""
@@ -76,13 +72,12 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     ahead = ordered_ahead(params, state, seen, set_points, fuelling, plan, judged)
     first = plan if plan.fuel_kg > 0.0 else ahead
     pulses = actuator.still_open(state.pulses, first.injection, first.spark, t_ns)
-    machine = safety.limit_machine(
-        params.limits, _machine(params, mode, seen.motion, set_points, load_n_s_m)
-    )
-    moved, sent = _with_valves(params, state.valves, before, seen, inputs, mode, pulses)
+    driving, machine = machine_order(params, state.drive, mode, seen, set_points, load_n_s_m)
+    machine = safety.limit_machine(params.limits, machine)
+    moved, sent = with_valves(params, state.valves, before, seen, inputs, mode, pulses)
     after = State(
         seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved,
-        metering,
+        metering, driving,
     )  # fmt: skip
     return after, Output(mode, machine, set_points.throttle, sent, stroke, events)
 
@@ -269,41 +264,3 @@ def _with_spark(
         if is_far(timings, plan, pulses, motion.side_ahead, seconds):
             return plan
     return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
-
-
-def _with_valves(
-    params: Params, timing: ValveTiming | None, before: Motion, seen: Observation, inputs: Inputs,
-    mode: Mode, pulses: tuple[PlannedPulse, ...],
-) -> tuple[ValveTiming | None, tuple[PlannedPulse, ...]]:  # fmt: skip
-    """Level 4: the valves' edges, and which of all orders this tick has room for.
-
-    A tick in which the plant tells of a valve has one frame less.
-    """
-    table = params.valve_table
-    if table is None or timing is None:
-        return timing, pulses
-    timing = valves.observe(
-        table, timing, before, seen.motion, seen.passed.dead_centre, inputs.valve
-    )
-    if not may_fire(mode):
-        return valves.at_rest(timing), pulses
-    timing = valves.plan(table, params.timings, timing, seen.t_ns, params.period_ns)
-    room: i64 = actuator.MAX_PULSES if inputs.valve is None else actuator.MAX_PULSES - 1
-    acts_ns = seen.t_ns + params.timings.act_ticks * params.period_ns
-    return valves.to_send(timing, pulses, inputs.tick, acts_ns, room)
-
-
-def _machine(
-    params: Params, mode: Mode, motion: Motion, set_points: SetPoints, load_n_s_m: float
-) -> Machine:
-    """The machine's order in this mode; motoring pushes in the direction of motion."""
-    force = 0.0
-    if mode is MOTORING:
-        start = params.start
-        direction = -1.0 if motion.direction < 0 else 1.0
-        amplitude = start.amplitude_ratio * set_points.tdc_ref_m
-        force = direction * start.force_n
-        if not start.constant_force:
-            force = direction * min(start.force_n, motoring_force(
-                params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
-    return actuator.machine_for(mode, force, load_n_s_m, params.supervisor.full_load_n_s_m)

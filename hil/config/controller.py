@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from hil.brought import SUFFIX, name_of
 from hil.config.base import LIVE, Section, Tunable
+from hil.config.motion.cycle import CycleConfig
 from hil.config.motion.laws import (
     LearningConfig,
     LoadEstimateConfig,
@@ -176,6 +177,7 @@ class ControllerConfig(Section):
     start: StartConfig = StartConfig()
     supervisory: SupervisoryConfig = SupervisoryConfig()
     timing: TimingConfig = TimingConfig()
+    cycle: CycleConfig = CycleConfig()
     injector: InjectorKnowledge = InjectorKnowledge()
     valves: ValvesKnowledge = ValvesKnowledge()
     limits: LimitsConfig = LimitsConfig()

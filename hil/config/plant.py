@@ -188,6 +188,9 @@ class PlantConfig(Section):
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
     valves: ValvesConfig = ValvesConfig()
+    drive: Literal["programme", "commands"] = Field(
+        "programme", description="what moves the machine of a four-stroke engine; set by the bench"
+    )
     disturbance: DisturbanceConfig = DisturbanceConfig()
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=LIVE)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution

@@ -105,13 +105,12 @@ def test_lost_controller_ends_at_rest():
     [
         ({"plant": {"model": "four-stroke", "prototype": "bit"}}, "no calibration"),
         ({"plant": {"model": "two-stroke", "engine": {"moving_mass_kg": 6.0}}}, "moving_mass_kg"),
-        ({"plant": {"model": "four-stroke"}, "controller": {"name": "cascade"}}, "open-loop alone"),
+        ({"plant": {"model": "four-stroke"}, "controller": {"name": "cascade"}}, "cycle alone"),
         ({"plant": {"model": "four-stroke", "prototype": "opposed"}}, "no calibration"),
         (
             {"plant": {"model": "two-stroke", "prototype": "opposed"}, "begins": "at-rest"},
             "begins settled",
         ),
-        ({"plant": {"model": "four-stroke"}, "begins": "at-rest"}, "begins settled"),
         ({"plant": {"model": "starting", "prototype": "nu"}}, "no calibration"),
         ({"plant": {"model": "two-stroke", "load_coefficient_n_s_m": 2000.0}}, "the engine stops"),
     ],

@@ -26,6 +26,12 @@ _FIRES = {
 }
 """Of strokes counted from the left cylinder's power stroke, with which a run begins."""
 
+_FUEL_PER_TDC_KG_M = 1.2e-3
+"""Of the Newcastle engine's left charge, the right one and the load as they are: 0.8 mm a mg."""
+
+_FIRES_BY_STROKE = (False, True, True, False)
+"""Of the strokes of Table 3.1: which end with a combustion."""
+
 _SLOPE_STEP = 0.005
 _POWER_SHARE, _FUEL_SHARE, _FUEL_STEPS = 2.0e-3, 1.0e-3, 8
 """How exactly a run begins at its target power; an engine takes a second to settle once."""
@@ -81,6 +87,8 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
         _fill_unfired(scenario, control, fires, c)
     _fill_load(scenario, c, control)
     here = _fill_preset(c, control)
+    if c.cycle.kind == "four-stroke" and c.cycle.fires == "both":
+        _fill_cycle(scenario, tree, c, here)
     if scenario.controller.timing.valves == "controller":
         _fill_valves(scenario, tree, c, here)
     if c.cycle.kind == "speed":
@@ -174,23 +182,50 @@ def _give(tree: dict[str, Any], key: str, value: float) -> None:
 def _fill_unfired(
     scenario: Scenario, control: dict[str, Any], fires: tuple[bool, ...], c: Calibration
 ) -> None:
-    """Fire some of the strokes, on fixed fuel: the laws know nothing of a stroke without charge.
+    """Fire some of the strokes, on fixed fuel or by the law that knows of the others.
 
     Raises: ConfigError
     """
     model = f"model {scenario.plant.model} with engine {c.name}"
-    if "name" in scenario.controller.model_fields_set and control["name"] != "open-loop":
+    cycles = c.cycle.kind == "four-stroke" and c.cycle.fires == "both"
+    accepted = ("open-loop", "cycle") if cycles else ("open-loop",)
+    if "name" in scenario.controller.model_fields_set and control["name"] not in accepted:
         raise ConfigError(
-            f"{scenario.name}: controller.name {control['name']}: {model} is run by open-loop alone"
+            f"{scenario.name}: controller.name {control['name']}: {model} is run by "
+            f"{' or '.join(accepted)} alone"
         )
-    if scenario.begins != "settled":
+    if scenario.begins != "settled" and not cycles:
         raise ConfigError(f"{scenario.name}: begins: {model} begins settled alone")
-    control["name"] = "open-loop"
+    if control["name"] not in accepted:
+        control["name"] = "open-loop" if scenario.begins == "settled" else "cycle"
+    first = _FOUR_STROKE_BEGINS if scenario.begins == "settled" else 0
+    if cycles:
+        fires = tuple(_FIRES_BY_STROKE[(n + first) % 4] for n in range(4))
     wanted: dict[str, Any] = {"fires": fires, "spark_ahead_s": _SPARK_AHEAD_S}
     if c.cycle.kind == "four-stroke":
         wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
     given = scenario.controller.timing.model_fields_set
     control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
+
+
+def _fill_cycle(scenario: Scenario, tree: dict[str, Any], c: Calibration, here: Settled) -> None:
+    """Let the controller drive a four-stroke engine's machine, as its programme would."""
+    control, cycle = tree["controller"], c.cycle
+    if control["name"] == "open-loop" and scenario.controller.cycle.drive == "programme":
+        return
+    tree["plant"]["drive"] = "commands"
+    begins = _FOUR_STROKE_BEGINS
+    order = [(stroke - begins) % 4 for stroke in range(4)]
+    wanted: dict[str, Any] = {
+        "drive": "controller",
+        "dead_centres_m": tuple(here.ends_m[n] for n in order),
+        "v_mid_m_s": tuple(here.speeds_m_s[n] for n in order),
+        "fuel_per_tdc_kg_m": _FUEL_PER_TDC_KG_M,
+        "first_stroke": begins if scenario.begins == "settled" else 0,
+    }
+    wanted |= {f"motor_{n}_n": getattr(cycle, f"motor_{n}_n") for n in (1, 2, 3, 4)}
+    given = scenario.controller.cycle.model_fields_set
+    control["cycle"] |= {key: value for key, value in wanted.items() if key not in given}
 
 
 def _fill_valves(scenario: Scenario, tree: dict[str, Any], c: Calibration, here: Settled) -> None:
@@ -208,7 +243,9 @@ def _fill_valves(scenario: Scenario, tree: dict[str, Any], c: Calibration, here:
         "closing_delay_s": actuators.closing_s,
     }
     if c.cycle.kind == "four-stroke":
-        wanted |= {"first_stroke": _FOUR_STROKE_BEGINS, "stroke_s": here.strokes_s}
+        first = _FOUR_STROKE_BEGINS if scenario.begins == "settled" else 0
+        lasts_s = tuple(here.strokes_s[(n + first - _FOUR_STROKE_BEGINS) % 4] for n in range(4))
+        wanted |= {"first_stroke": first, "stroke_s": lasts_s}
     else:
         for key in ("exhaust_opens_m", "exhaust_closes_m", "intake_opens_m", "intake_closes_m"):
             wanted[key] = getattr(c.cycle, key)

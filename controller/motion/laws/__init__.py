@@ -4,6 +4,7 @@ from typing import Any
 
 from controller.motion.law import Law
 from controller.motion.laws.cascade import Cascade
+from controller.motion.laws.cycle import CycleLaw
 from controller.motion.laws.machine import MachineLaw
 from controller.motion.laws.observer import Observer
 from controller.motion.laws.open_loop import OpenLoop
@@ -12,5 +13,8 @@ from controller.motion.laws.predictive import Predictive
 from controller.motion.laws.single_loop import SingleLoop
 
 LAWS: dict[str, type[Law[Any]]] = {
-    law.name: law for law in (Cascade, SingleLoop, OpenLoop, Pdf, Predictive, Observer, MachineLaw)
-}
+    law.name: law
+    for law in (
+        Cascade, SingleLoop, OpenLoop, Pdf, Predictive, Observer, MachineLaw, CycleLaw
+    )
+}  # fmt: skip

@@ -13,14 +13,19 @@ _LEFT, _RIGHT = 0, 1
 _FROM_THE_START = at.NEVER
 
 
-def programme_of(c: Calibration, *, self_timed: bool) -> Array:
-    """Programme of a cycle, shape (strokes, entries, 3); an action of 0 ends a row."""
+def programme_of(c: Calibration, *, self_timed: bool, programmed: bool = True) -> Array:
+    """Programme of a cycle, shape (strokes, entries, 3); an action of 0 ends a row.
+
+    Parameters: programmed : whether it moves the machine of a four-stroke engine
+    """
     kinds = {"two-stroke": _two_stroke, "four-stroke": _four_stroke, "motoring": _motoring,
              "speed": _speed}  # fmt: skip
     if c.cycle.kind == "four-stroke" and c.cycle.fires == "left":
         rows = _single_four_stroke(c, self_timed)
     else:
         rows = kinds[c.cycle.kind](c, self_timed)
+    if not programmed:
+        rows = [[entry for entry in row if entry[1] not in (at.MOTOR, at.GENERATE)] for row in rows]
     table = np.zeros((len(rows), max(len(row) for row in rows) + 1, 3))
     for number, row in enumerate(rows):
         ordered = sorted(row, reverse=number % 2 == 1)

@@ -35,11 +35,14 @@ class Motion(NamedTuple):
     record: Array
 
 
-def engine_of(c: Calibration, *, throttle: float = 1.0, self_timed: bool = True) -> Engine:
+def engine_of(
+    c: Calibration, *, throttle: float = 1.0, self_timed: bool = True, programmed: bool = True
+) -> Engine:
     """Make the arrays of an engine.
 
     Parameters: throttle : scales the charge's energy and the intake's opening
         self_timed : whether sparks and machine follow the programme, or come from outside
+        programmed : whether the machine of a four-stroke engine does, whatever the sparks do
     """
     p = np.zeros(at.N_P)
     _gas(c, p)
@@ -47,7 +50,12 @@ def engine_of(c: Calibration, *, throttle: float = 1.0, self_timed: bool = True)
     _machine(c, p)
     for number, side in enumerate((c.left, c.right)):
         _side(c, side, p, number, throttle)
-    return Engine(c, p, programme_of(c, self_timed=self_timed), c.heat.energy_j * throttle)
+    return Engine(
+        c,
+        p,
+        programme_of(c, self_timed=self_timed, programmed=programmed),
+        c.heat.energy_j * throttle,
+    )
 
 
 def _gas(c: Calibration, p: Array) -> None:

@@ -63,19 +63,20 @@ def build(config: PlantConfig, _period_ns: int) -> DetailedEngine:
 
     Raises: ConfigError when its figures are to be other than its calibration's
     """
-    return DetailedEngine(calibration_of(config))
+    return DetailedEngine(calibration_of(config), config.drive == "programme")
 
 
 @final
 class DetailedEngine(Engine):
     """One detailed engine: its constants, and scratch space for the compiled step."""
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, programmed: bool = True) -> None:
         lines = 0 if calibration.breathing.ports else _VALVE_LINES
         load = calibration.machine.load_coefficient_n_s_m
         lift_m = calibration.breathing.lift_m
         super().__init__(load, BY_SPARK, valves=lines, valve_lift_m=lift_m)
-        self.engine = engine_of(calibration, self_timed=False)
+        self.engine = engine_of(calibration, self_timed=False, programmed=programmed)
+        self._drives = programmed and calibration.cycle.kind == "four-stroke"
         self._work = scratch()
         self._record = np.zeros((_RECORD_ROWS, at.N_REC))
         y, d, _ = at_rest(self.engine)
@@ -123,7 +124,7 @@ class DetailedEngine(Engine):
         kind = calibration.cycle.kind
         if kind == "speed":
             d[at.LOAD] = d[at.FORCE] = 0.0
-        elif kind != "four-stroke":
+        elif not self._drives:
             d[at.LOAD], d[at.FORCE] = load, machine.force_n
         elif machine.order.mode == GENERATOR:
             d[at.LOAD_SCALE] = load / calibration.machine.load_coefficient_n_s_m

@@ -18,6 +18,7 @@ from plant.engines.detailed.types import Array
 
 _SETTLE_S = 2.5
 _SAMPLE_S = 1.0e-4
+_LONGEST_STROKE_S = 0.2
 
 
 class EngineStopsError(ConfigError):
@@ -29,7 +30,8 @@ class Settled(NamedTuple):
 
     spark_before_s: from the spark to the dead centre
     v_mid_m_s, stroke_s: speed at mid-stroke and duration of the power stroke that follows
-    strokes_s: duration of each stroke of a cycle from that one on
+    strokes_s, ends_m, speeds_m_s: of each stroke of a cycle from that one on, its duration, the
+        distance of its dead centre, its speed at mid-stroke
     power_w: mean electric power of a cycle, positive when generating
     """
 
@@ -40,6 +42,8 @@ class Settled(NamedTuple):
     stroke_s: float
     spark_before_s: float
     strokes_s: tuple[float, ...]
+    ends_m: tuple[float, ...]
+    speeds_m_s: tuple[float, ...]
     power_w: float
 
 
@@ -91,7 +95,7 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
     first_row = 2.0 if engine.calibration.cycle.kind == "four-stroke" else 0.0
 
     def to_dead_centre() -> bool:
-        end = d[at.T] + 0.2
+        end = d[at.T] + _LONGEST_STROKE_S
         what = advance(engine.p, d, y, engine.programme, work, record, end, True)
         return bool(what == at.DEAD_CENTRE)
 
@@ -101,20 +105,23 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
             return None
     d[at.CONTACTS] = 0.0
     begun = d[at.T]
-    before = y.copy()
-    v_mid = _speed_at_mid_stroke(engine, Motion(before.copy(), d.copy(), record.copy()))
+    before, speeds = y.copy(), []
     rows = engine.programme.shape[0]
     for _ in range(rows):
+        copy = Motion(y.copy(), d.copy(), record.copy())
+        speeds.append(_speed_at_mid_stroke(engine, copy))
         if not to_dead_centre():
             return None
     last = strokes(motion)[-rows:]
     ends_s = last[:, at.REC_T]
     strokes_s = tuple(float(s) for s in np.diff(ends_s, prepend=begun))
+    ends_m = tuple(float(abs(x)) for x in last[:, at.REC_X])
     last = last[compressed(engine, last)]
     spark = d[at.T] - d[at.CYL + at.SPARK_T]
     power_w = _electric_j(engine, y - before) / float(d[at.T] - begun)
     tdc_m = float(np.mean(np.abs(last[:, at.REC_X])))
-    return _at_time_zero(y, d, tdc_m, v_mid, strokes_s, spark, power_w)
+    zero, ways = _at_time_zero(y, d), (strokes_s, ends_m, tuple(speeds))
+    return Settled(*zero, tdc_m, speeds[0], strokes_s[0], float(spark), *ways, power_w)
 
 
 def _electric_j(engine: Engine, sums: Array) -> float:
@@ -124,15 +131,7 @@ def _electric_j(engine: Engine, sums: Array) -> float:
     return float(sums[at.W_GENERATED] - sums[at.W_MOTORED])
 
 
-def _at_time_zero(
-    y: Array,
-    d: Array,
-    tdc_m: float,
-    v_mid: float,
-    strokes_s: tuple[float, ...],
-    spark_s: float,
-    power_w: float,
-) -> Settled:
+def _at_time_zero(y: Array, d: Array) -> tuple[Array, Array]:
     """Count time and energies from this dead centre."""
     y, d = y.copy(), d.copy()
     now = d[at.T]
@@ -143,16 +142,17 @@ def _at_time_zero(
         if d[e + at.SPARK_T] < at.NEVER:
             d[e + at.SPARK_T] -= now
     y[at.SUM :] = 0.0
-    return Settled(y, d, tdc_m, v_mid, strokes_s[0], float(spark_s), strokes_s, power_w)
+    return y, d
 
 
 def _speed_at_mid_stroke(engine: Engine, motion: Motion) -> float:
     """Speed where x = 0 is first passed, between two close samples."""
     y, d, record = motion
-    work = scratch()
-    while True:
+    work, end = scratch(), d[at.T] + _LONGEST_STROKE_S
+    while d[at.T] < end:
         x, v = y[at.X], y[at.V]
         advance(engine.p, d, y, engine.programme, work, record, d[at.T] + _SAMPLE_S, False)
-        if y[at.X] >= 0.0:
+        if (y[at.X] >= 0.0) != (x >= 0.0):
             share = x / (x - y[at.X])
-            return float(v + share * (y[at.V] - v))
+            return float(abs(v + share * (y[at.V] - v)))
+    return 0.0  # it turns before
