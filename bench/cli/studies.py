@@ -21,13 +21,39 @@ def compare(
     ] = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Every engine at 1 kHz, load steps and noise: a table.")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="The same at every rate, 500 to 20,000 Hz.")
+    ] = False,
+    json: Annotated[
+        Path | None, typer.Option(help="JSON file of that table, with --quick or --all.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes of that table.")] = 2,
     force: Force = False,
     assignments: Assignments = None,
 ) -> None:
     """Run several laws on the same load steps, and draw them beside the physical bound."""
     from bench.studies import compare_command as work
 
-    raise typer.Exit(work.run(scenario, controllers, model, out, assignments or [], force=force))
+    given = assignments or []
+    if not (quick or everything):
+        if json is not None:
+            raise typer.BadParameter("accepted with --quick or --all", param_hint="--json")
+        raise typer.Exit(work.run(scenario, controllers, model, out, given, force=force))
+    raise typer.Exit(
+        work.run_survey(
+            controllers,
+            model,
+            out,
+            given,
+            whole=everything,
+            json=json,
+            workers=workers,
+            force=force,
+        )
+    )
 
 
 def tune(

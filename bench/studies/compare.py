@@ -10,7 +10,7 @@ from bench.judge.response import Response
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
-from bench.studies.bound import Informed, step_bound
+from bench.studies.bound import Informed, LoadChange, step_bound, stroke_end
 from controller.motion.choice import check_name
 from controller.motion.laws import LAWS
 from hil.config.base import read_toml
@@ -19,6 +19,7 @@ from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.engines.fast.constants import constants_of
+from plant.engines.fast.limit_cycle import fuel_for_tdc
 
 MOMENTS = {"a": (0, 0.25), "b": (0, 0.75), "c": (1, 0.25), "d": (1, 0.75)}
 """Strokes after the event's own, and fraction of the stroke (thesis Fig 6.11)."""
@@ -140,7 +141,7 @@ def read_off(course: Course, law: str, load: float, moment: str, ref_mm: float) 
 
 def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, str], Response]:
     """The bound with full and with mid-stroke knowledge, for the models that have one."""
-    find = _bound_of(base)
+    find = bound_of(base)
     found = {}
     for load in loads:
         for moment, (_, fraction) in MOMENTS.items():
@@ -153,7 +154,7 @@ def _bounds(base: Resolved, loads: Sequence[float]) -> dict[tuple[float, str, st
     return found
 
 
-def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
+def bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | None:
     """The function from load, moment in the stroke and knowledge to the bound of an engine."""
     plant, controller = base.plant, base.controller
     ref_m = controller.tdc_ref_m
@@ -171,6 +172,23 @@ def _bound_of(base: Resolved) -> Callable[[float, float, Informed], Response] | 
     return lambda load, part, known: bound_detailed.step_bound(
         calibration, ref_m, fuel_kg, nominal, load, part, known, advance_s=advance_s
     )
+
+
+def least_sigma_mm(base: Resolved, efficiency: tuple[float, float]) -> float | None:
+    """The least scatter that any law leaves under uniform efficiencies: |dX/deta| sigma_eta [mm].
+
+    None on an engine of which no stroke can be worked out by itself.
+    """
+    plant, controller = base.plant, base.controller
+    if plant.model not in FAST_MODELS:
+        return None
+    constants = constants_of(plant.resolved_prototype(), plant.model)
+    ref_m, load = controller.tdc_ref_m, controller.supervisory.load_coefficient_n_s_m
+    fuel_kg, loads = fuel_for_tdc(constants, ref_m, load), (LoadChange(0.0, load),)
+    low, high = efficiency
+    mean = 0.5 * (low + high)
+    ends = [stroke_end(constants, ref_m, fuel_kg, loads, eta / mean).tdc_m for eta in efficiency]
+    return 1e3 * abs(ends[1] - ends[0]) / math.sqrt(12.0)
 
 
 def excess(cell: Cell, bound: Response | None) -> float:

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from bench.run import directory as outdir
 from bench.run import scenarios
+from bench.studies import survey, survey_page
 from bench.studies.compare import compare, laws_of
 from bench.studies.compare_page import table, write_page
+from controller.motion.laws import LAWS
 from hil.config.load import parse_assignment
+from hil.errors import ConfigError
+from hil.files import Output
+
+FILES = ("compare.html", "table.md")
 
 
 def run(
     name: str, controllers: str | None, model: str | None, out: Path | None,
     assignments: list[str], *, force: bool = False,
 ) -> int:  # fmt: skip
-    """Compare, print the table, write it with the pictures; returns the exit code.
+    """Compare on one engine, print the table, write it with the pictures.
 
+    Returns: the exit code
     Raises: ConfigError
     """
     changes = [parse_assignment(text) for text in assignments]
@@ -26,7 +34,7 @@ def run(
         changes.append(("plant.model", model))
     laws = laws_of(controllers)
     directory = out or outdir.fresh(f"compare-{scenarios.read(name, changes).name}")
-    page, listed = outdir.claim("--out", directory, ("compare.html", "table.md"), force=force)
+    page, listed = outdir.claim("--out", directory, FILES, force=force)
     found = compare(name, laws, changes)
     text = table(found)
     listed.write(text)
@@ -34,4 +42,37 @@ def run(
     console.print(text, markup=False, soft_wrap=True)
     write_page(found, page)
     console.print(f"{page.path}", markup=False)
+    return 0
+
+
+def run_survey(
+    controllers: str | None, model: str | None, out: Path | None, assignments: list[str], *,
+    whole: bool, json: Path | None, workers: int, force: bool = False,
+) -> int:  # fmt: skip
+    """Compare on every engine, print the table; write JSON and page where they are asked for.
+
+    Parameters: whole : at every rate and more moments, else at 1 kHz
+    Returns: the exit code
+    Raises: ConfigError
+    """
+    extent = survey.WHOLE if whole else survey.QUICK
+    laws = laws_of(controllers) if controllers else tuple(LAWS)
+    engines = [engine for engine in survey.ENGINES if model in (None, engine.model)]
+    if not engines:
+        known = ", ".join(dict.fromkeys(engine.model for engine in survey.ENGINES))
+        raise ConfigError(f"--model {model}: a comparison of all engines has {known}")
+    changes: list[tuple[str, Any]] = [parse_assignment(text) for text in assignments]
+    file = None if json is None else Output("--json", json, force)
+    if file is not None:
+        file.check(".json")
+    files = None if out is None else outdir.claim("--out", out, FILES, force=force)
+    rows = survey.survey(survey.tasks(laws, engines, extent, changes), workers)
+    text = survey_page.table(rows)
+    Console(highlight=False).print(text, markup=False, soft_wrap=True)
+    if file is not None:
+        file.write(survey_page.as_json(rows))
+    if files is not None:
+        page, listed = files
+        listed.write(text)
+        survey_page.write_page(rows, page)
     return 0
