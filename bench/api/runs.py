@@ -54,7 +54,7 @@ def run(
     Raises: ConfigError naming what is wrong and what is accepted. A run that goes wrong raises
         nothing: its verdict is "fault", and `run.reason` tells why
     """
-    told = scenario_of(scenario, _changes(changes, overrides))
+    told = scenario_of(scenario, given_keys(changes, overrides))
     directory = Path(tempfile.mkdtemp(prefix="hil-api-")) if out is None else Path(out)
     files = outdir.prepare(told.name, directory, force=force)
     done = carry_out(told, files, report=report)
@@ -98,7 +98,7 @@ def resolve(
 
     Raises: ConfigError as `run`
     """
-    return fill_in(scenario_of(scenario, _changes(changes, overrides)))
+    return fill_in(scenario_of(scenario, given_keys(changes, overrides)))
 
 
 class Done(NamedTuple):
@@ -126,8 +126,8 @@ def carry_out(scenario: Scenario, files: outdir.RunFiles, *, report: bool) -> Do
         return Done(whole, ended, conclude(whole, ended, files, report=report))
 
 
-def _changes(changes: Mapping[str, Any] | None, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keys with their values: clock and link first, so that others count."""
+def given_keys(changes: Mapping[str, Any] | None, overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all given keys with their values; clock and link first, so that others count."""
     link = overrides.get("link") or (changes or {}).get("link.kind", "memory")
     given: dict[str, Any] = {"link.kind": link}
     given["loop.clock"] = "realtime" if link == "can" else "lockstep"

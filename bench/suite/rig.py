@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from bench.api.runs import Given, resolve
+from bench.api.runs import Given, given_keys, resolve, scenario_of
 from bench.run.checks.signals import source_of
 from bench.run.memory.pair import Pair
 from bench.suite.fixtures import changes_of
@@ -24,32 +26,73 @@ if TYPE_CHECKING:
 _COMPARED: Final[dict[str, Callable[[float, float], bool]]] = {
     "<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt,
 }  # fmt: skip
+_HALF_A_TICK_S: Final = 5e-6
+_LONGEST_S: Final = 3600.0
+"""Of a run in real time beside a test: it is ended with the test."""
+
 _CONDITION: Final = re.compile(r"\s*(\S+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
-class Rig:
-    """A running engine, over memory: time passes in `wait` and `wait_for` only.
+class Engine(Protocol):
+    """What holds an engine running: both loops in memory, or two processes."""
 
-    pair: both loops, for what a test wants to see of them
-    """
+    @property
+    def t_s(self) -> float:
+        """Time of the run [s]."""
+
+    def step(self) -> object:
+        """Let a tick pass, or wait for the next that is heard of."""
+
+    def value(self, signal: str, /) -> float:
+        """Return the newest value of a signal; nan while there is none."""
+
+    def order(self, command: Mapping[str, object], to: str, /) -> None:
+        """Give a command to who acts on it."""
+
+
+class InMemory:
+    """An engine in memory and lockstep."""
 
     def __init__(self, pair: Pair) -> None:
         self.pair = pair
+        self.step = pair.advance
+        self.value = pair.value
 
     @property
     def t_s(self) -> float:
         """Time of the run [s]."""
         return self.pair.t_s
 
+    def order(self, command: Mapping[str, object], _to: str) -> None:
+        """Put a command on the key that both sides read."""
+        self.pair.order(command, "test")
+
+
+class Rig:
+    """A running engine.
+
+    engine: what holds it; over memory `engine.pair` has both loops, and time passes in `wait` and
+        `wait_for` only; over other links it passes by itself
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+
+    @property
+    def t_s(self) -> float:
+        """Time of the run [s]."""
+        return self.engine.t_s
+
     def order(self, kind: str, **fields: Any) -> None:  # noqa: ANN401
         """Give an operator's command: start, stop, set-point, law (docs/commands.md).
 
-        Raises: ConfigError when it is none, or a field is out of its range
+        Raises: ConfigError when it is none, is refused, or a field is out of its range
         """
         try:
-            self.pair.order(commands.read({"kind": kind, **fields}, "test").table(), "test")
+            command = commands.read({"kind": kind, **fields}, "test")
         except ValueError as error:
             raise ConfigError(f"{kind}: {error}") from None
+        self.engine.order(command.table(), command.to)
 
     def fault(self, kind: str, **fields: Any) -> None:  # noqa: ANN401
         """Let something fail: misfire, sensor-fault, load-scale, efficiency.
@@ -70,11 +113,13 @@ class Rig:
 
         Raises: ConfigError when there is no such signal
         """
-        return self.pair.value(signal)
+        return self.engine.value(signal)
 
     def wait(self, duration_s: float) -> None:
         """Let so much time pass [s]."""
-        self.pair.advance_to(self.t_s + duration_s)
+        end_s = self.t_s + duration_s
+        while self.t_s < end_s - _HALF_A_TICK_S:
+            self.engine.step()
 
     def wait_for(self, condition: str | Callable[[Rig], bool], timeout_s: float = 1.0) -> float:
         """Wait until a condition holds; return the time that it took [s].
@@ -89,7 +134,7 @@ class Rig:
             if self.t_s - begin_s >= timeout_s:
                 last = "" if callable(condition) else f": {self.read(condition.split()[0]):.6g}"
                 raise TimeoutError(f"{condition} within {timeout_s:g} s{last}")
-            self.pair.advance()
+            self.engine.step()
         return self.t_s - begin_s
 
 
@@ -115,6 +160,18 @@ def open_rig(
 
     Raises: ConfigError when it cannot begin
     """
-    whole = resolve(scenario, **{**overrides, **changes_of(link, config)})
-    with Pair(whole) as pair:
-        yield Rig(pair)
+    changes = {**overrides, **changes_of(link, config)}
+    if link == "memory":
+        with Pair(resolve(scenario, **changes)) as pair:
+            yield Rig(InMemory(pair))
+        return
+    from bench.suite.background import Background
+
+    given = {"loop.clock": "realtime", "run.duration_s": _LONGEST_S, "link.kind": link}
+    asked = scenario_of(scenario, given_keys(None, {**changes, **given}))
+    with tempfile.TemporaryDirectory(prefix="hil-rig-") as directory:
+        background = Background(asked, Path(directory))
+        try:
+            yield Rig(background)
+        finally:
+            background.close()

@@ -5,6 +5,10 @@ from xml.etree import ElementTree
 
 import pytest
 
+import bench.suite.background  # once for all of them: numpy cannot be loaded anew
+import bench.suite.outputs
+import bench.suite.rig  # noqa: F401
+
 SHORT = """
 include = "load-decrease"
 [run]
@@ -120,3 +124,25 @@ def test_workers_share_the_scenarios_and_one_table_tells_all(pytester, monkeypat
     result.assert_outcomes(passed=4)
     told = json.loads((pytester.path / "out/suite.json").read_text())
     assert len({run["label"] for run in told["results"]}) == 4
+
+
+LIVE = """
+import pytest
+from hil.errors import ConfigError
+
+@pytest.mark.hil_scenario("steady", model="harmonic")
+def test_rig(rig):
+    rig.wait(0.2)
+    rig.set(tdc_ref_m=0.0153)
+    assert rig.wait_for("controller.stroke.tdc_ref_m <= 0.0153", timeout_s=2.0) >= 0.0
+    rig.fault("misfire", count=1)
+    rig.wait_for(lambda rig: rig.read("plant.truth.disturbance") == 4, timeout_s=2.0)
+    with pytest.raises(ConfigError, match="tdc_ref_m=0.03 from"):
+        rig.set(tdc_ref_m=0.03)
+"""
+
+
+@pytest.mark.slow
+def test_a_rig_of_two_processes_is_steered_and_waited_for_as_one_in_memory(pytester, inner):
+    pytester.makepyfile(LIVE)
+    inner("--hil-link", "zenoh").assert_outcomes(passed=1)
