@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from controller.live.stimulation import Stimulation
+from controller.live.tuning import limit_of, params_of
 from controller.loop import ControllerLoop
-from controller.mode.operation import Bounds, Operation
+from controller.mode.operation import Operation
 from controller.mode.start_restart import Mode
 from controller.motion.calibration import calibrate
-from controller.motion.choice import check, check_names, make_laws
+from controller.motion.choice import check_names, make_laws
 from controller.motion.drive import Cycle
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
-from controller.observe.possible import possible_of
 from controller.state import Params, State
 from controller.supervisory import Supervisor
 from controller.timing.plan import NO_PLAN
@@ -40,36 +39,18 @@ def make_params(config: ControllerConfig, engine: Prototype, period_ns: int) -> 
 
     Raises: ConfigError when there is no such law, or it cannot work with the configuration
     """
-    limits = config.limits
-    limit_m = engine.position_limit_m if limits.tdc_m is None else limits.tdc_m
-    supervisor = Supervisor(config, engine, float(period_ns) * 1e-9, limit_m)
+    supervisor = Supervisor(config, engine, float(period_ns) * 1e-9, limit_of(config, engine))
     start = supervisor.initial()
     stroke_map = calibrate(
         config.stroke_map, engine, start.tdc_ref_m, start.load_n_s_m, start.point
     )
-    laws = make_laws(config)
-    check(config.name, laws, stroke_map)
-    bounds = Bounds(
-        limit_m=limit_m,
-        stale_ticks=stale_ticks(limits.stale_s, period_ns),
-        misfires=limits.misfires,
-        motoring_ns=round(config.start.timeout_s * 1e9) if any(config.timing.fires) else NEVER,
-        unheard_ns=round(limits.stale_s * 1e9),
-    )
-    is_simple = any(config.timing.fires) and config.timing.spark_position_m is None
-    most_n = config.start.force_n if is_simple else math.inf  # the gas moves the machine, too
-    possible = possible_of(
-        engine, start.tdc_ref_m, start.point.stroke_s, period_ns, limits.stale_s,
-        all(config.timing.fires), most_n,
-    )  # fmt: skip
     table = cycle = None
     if config.cycle.drive == "controller":
         cycle = Cycle(config.cycle, engine, period_ns * 1e-9)
     if config.timing.valves == "controller":
         table = table_of(config.valves, engine.half_stroke_m, not config.running)
-    return Params(
-        config, engine, period_ns, bounds, supervisor, stroke_map, laws, possible, table, cycle
-    )
+    laws = make_laws(config)
+    return params_of(config, config, engine, period_ns, stroke_map, laws, table, cycle)
 
 
 def initial_mode(config: ControllerConfig) -> Mode:

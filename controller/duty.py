@@ -74,10 +74,12 @@ class DutyCommands(CommandSource):
             self._note(*received)
         return received
 
-    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+    def answer(
+        self, is_taken: bool, tick: int, text: str, values: Mapping[str, Any] | None = None, /
+    ) -> None:
         """Answer an operator; the service itself looks at the mode."""
         if not self._is_own:
-            self._source.answer(is_taken, tick, text)
+            self._source.answer(is_taken, tick, text, values)
 
     def _note(self, origin: str, raw: bytes) -> None:
         """Remember a stop."""

@@ -1,4 +1,4 @@
-"""The records of a turn, packed: what was sensed, ordered, sent and received, and when."""
+"""What a turn tells: records of what was sensed, ordered, sent and received; the status."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from mypy_extensions import i64
 from controller.actuator import Machine
 from controller.mode.start_restart import Mode
 from controller.motion.law import Demand
-from controller.reception import Arrival
+from controller.reception import Arrival, Reception
 from controller.state import Output, State, StrokeReport
 from controller.timing.plan import PlannedPulse
 from hil.log import packing, topics
+from hil.wire.status import ControllerStatus
 
 MAX_LOGGED: Final = 4
 """Pulses of one tick that its record has room for."""
@@ -108,3 +109,27 @@ def _add_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> None:
 def _known(value: float | None) -> float:
     """A figure of a stroke, nan when it is not known."""
     return _NAN if value is None else value
+
+
+def status_of(
+    tick: i64, period_ns: i64, state: State, output: Output, stroke: StrokeReport | None,
+    reception: Reception,
+) -> dict[str, object]:  # fmt: skip
+    """How the controller is, but for what its loop counts; of strokes the last finished one."""
+    return ControllerStatus(
+        mode=state.mode.name.lower(),
+        t_s=float(tick * period_ns) * 1e-9,
+        tick=tick,
+        tdc_mm=None if stroke is None else stroke.tdc_m * 1e3,
+        tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,
+        fuel_mg=None if stroke is None else stroke.demand.fuel_kg * 1e6,
+        speed_hz=None if stroke is None else stroke.speed_hz,
+        power_w=None if stroke is None else stroke.power_w,
+        power_ref_w=None if stroke is None else stroke.power_ref_w,
+        load_n_s_m=output.machine.load_n_s_m,
+        stale=state.stale,
+        late_samples=0,
+        implausible_samples=reception.implausible,
+        changes=0,
+        reception=reception.decoder.counts()._asdict(),
+    )._asdict()

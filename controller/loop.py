@@ -6,13 +6,16 @@ Everything that touches the outside goes through a port; the layers are in contr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final, final
 
 from mypy_extensions import i64
 
 from controller.actuator import messages
 from controller.live.stimulation import Stimulation, StimulationMemory
-from controller.log import packed_note, packed_occasions, packed_tick
+from controller.live.tuning import changed, followed
+from controller.log import packed_note, packed_occasions, packed_tick, status_of
+from controller.mode.schedule import Schedule
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
 from controller.state import Inputs, Output, Params, State, StrokeReport
@@ -21,13 +24,15 @@ from controller.supervisory import Events
 from hil import snapshot
 from hil.errors import ConfigError
 from hil.log import topics
+from hil.names.changes import REFUSED, Changes, ChangesMemory, packed
 from hil.pacing import Pacer
 from hil.ports import Ports, Recorder
 from hil.values import NEVER, Value
+from hil.wire.changes import is_one as is_request
+from hil.wire.changes import parameters_of
 from hil.wire.codec import Encoder
 from hil.wire.commands import OperatorCommand, parse
 from hil.wire.messages import Message
-from hil.wire.status import ControllerStatus
 
 _COMING_UP_NS: Final = 1_000_000_000
 """For so long at the most the first sample is later than what the scenario orders meanwhile."""
@@ -39,11 +44,11 @@ _COMMAND_EVERY: Final = 10
 class LoopMemory(Value):
     """All that the next turn depends on besides its inputs: layers, codec, and what was counted."""
 
-    __slots__ = ("tick", "state", "sent", "received", "late", "age", "stimuli")
+    __slots__ = ("tick", "state", "sent", "received", "late", "age", "changes", "stimuli")
 
     def __init__(
         self, tick: i64, state: State, sent: tuple[int, ...], received: ReceptionMemory, late: i64,
-        age: tuple[int, int], stimuli: StimulationMemory | None = None,
+        age: tuple[int, int], changes: ChangesMemory, stimuli: StimulationMemory | None = None,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.state = state
@@ -51,6 +56,7 @@ class LoopMemory(Value):
         self.received = received
         self.late = late
         self.age = age
+        self.changes = changes
         self.stimuli = stimuli
 
 
@@ -80,12 +86,13 @@ class ControllerLoop:
         self._link, self._status, self._commands = ports.link, ports.status, ports.commands
         self._pacer = pacer
         self._recorder = recorder
-        self._schedule = schedule
-        self._planned_tick: i64 = min(schedule, default=NEVER)
+        self._schedule = Schedule(schedule)
         self._status_every: i64 = status_every
         self._snapshot_every: i64 = snapshot_every or NEVER
         self._stimulation = stimulation
         self._heard = b""  # records of what was heard on the command key
+        self._changes = Changes("controller", changed)
+        self._change_tick: i64 = NEVER
         self._is_asked = False  # whether somebody waits for what becomes of a command
         self._finished: StrokeReport | None = None  # the last stroke that could fire
 
@@ -101,6 +108,9 @@ class ControllerLoop:
         frames = self._send(output)
         self._record(arrival, output, frames, woke_ns, asked is not self.state.fuelling.demand)
         self._tell(output)
+        if self._changes.requests or self._change_tick == self.tick + 1:
+            self._heard += self._changes.attend(self.tick, self.params, self._commands)
+            self._change_tick = self._changes.next_tick
 
     def _take(self, batch: bytes | None, woke_ns: i64) -> Arrival | None:
         """What came, under the tick that is to be stepped; None when it is only to be logged."""
@@ -113,7 +123,8 @@ class ControllerLoop:
                 return None
             self._pacer.start(arrival.tick)
             self.tick = arrival.tick - 1
-            self._forget_planned(arrival.tick)
+            waited_ticks = _COMING_UP_NS // self.params.period_ns
+            self._schedule.pass_over(arrival.tick - waited_ticks)  # a predecessor has done it
         if arrival.tick < 0:
             return Arrival(self.tick + 1, arrival.batch)
         if arrival.tick > self.tick:
@@ -137,11 +148,14 @@ class ControllerLoop:
     def _step(self, arrival: Arrival) -> Output:
         """Step one tick."""
         self.tick = arrival.tick
+        if arrival.tick >= self._change_tick:
+            self._change(arrival.tick)
         command = self._command(arrival.tick)
         if self._stimulation is not None:
             command = self._stimulated(self._stimulation, command)
         if self.reception.doubted:
-            self._doubt(self.reception.doubted)
+            why, self.reception.doubted = (("sample-doubted", self.reception.doubted),), ""
+            self._heard += packed(self.tick, self.params.period_ns, why)
         sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
         inputs = Inputs(arrival.tick, sample, command, power_w, fault, arrival.valve)
         self.state, output = step(self.params, self.state, inputs)
@@ -149,30 +163,46 @@ class ControllerLoop:
             self._stimulation.note(self.tick, output)
         if self._is_asked:
             self._tell_asker(output.events)
+        if command is not None and REFUSED not in dict(output.events):
+            self.plan(self.tick + 1, parameters_of(command), "")
         return output
 
     def _stimulated(
         self, stimulation: Stimulation, command: OperatorCommand | None
     ) -> OperatorCommand | None:
         """Let the scenario's stimuli change what this tick is stepped with; return its command."""
-        t_ns = self.tick * self.params.period_ns
-        stimulation.take(self.tick, t_ns, self.state)
+        values = stimulation.take(self.tick, self.tick * self.params.period_ns, self.state)
         self._heard += stimulation.told
+        if values:
+            self._adopt(changed(self.params, values))
+            self.state, told = followed(self.params, self.state, values)
+            self._heard += packed(self.tick, self.params.period_ns, told)
         return stimulation.command() if command is None else command
+
+    def _change(self, tick: i64) -> None:
+        """Put the parameters in force that act from this tick on."""
+        params, change = self._changes.take(tick, self.params)
+        self._adopt(params)
+        self.state, told = followed(params, self.state, change.keys)
+        self._heard += packed(tick, params.period_ns, change.events + told)
+
+    def _adopt(self, params: Params) -> None:
+        """Let the loop and what is around it work by other parameters."""
+        self.params, self._change_tick = params, self._changes.next_tick
+        self.reception.possible = params.possible
+        if self._age.most_ns < NEVER:
+            self._age.most_ns = params.period_ns * (params.bounds.stale_ticks - 1)
+
+    def plan(self, tick: i64, values: Mapping[str, object], origin: str) -> None:
+        """Change parameters from a tick on; without an origin the state has done so already."""
+        self._change_tick = self._changes.plan(tick, values, origin)
 
     def _tell_asker(self, events: Events) -> None:
         """Tell who asked what has become of the command of this tick."""
-        self._is_asked = False
-        refused = [text for code, text in events if code == "command-refused"]
+        self._is_asked, refused = False, dict(events).get(REFUSED)
         mode, tdc_mm = self.state.mode.name.lower(), self.state.set_points.tdc_ref_m * 1e3
-        text = refused[0] if refused else f"mode {mode}, set point {tdc_mm:.3f} mm"
-        self._commands.answer(not refused, self.tick, text)
-
-    def _doubt(self, why: str) -> None:
-        """Log that a sample is not believed, once until they are again."""
-        t_ns = self.tick * self.params.period_ns
-        self._heard += topics.EVENT.pack(self.tick, t_ns, topics.WARNING, "sample-doubted", why)
-        self.reception.doubted = ""
+        text = refused or f"mode {mode}, set point {tdc_mm:.3f} mm"
+        self._commands.answer(refused is None, self.tick, text)
 
     def _send(self, output: Output) -> bytes:
         """Answer the tick."""
@@ -185,8 +215,9 @@ class ControllerLoop:
 
     def _command(self, tick: i64) -> OperatorCommand | None:
         """The operator's command for this tick: from the scenario, or from the command key."""
-        if tick >= self._planned_tick:
-            planned = self._planned()
+        if tick >= self._schedule.next_tick:
+            is_heard = self.state.stale < self.params.bounds.stale_ticks
+            planned = self._schedule.due(may_start=is_heard)
             if planned is not None:
                 return planned
         if tick % _COMMAND_EVERY != 0:
@@ -194,27 +225,13 @@ class ControllerLoop:
         received = self._commands.poll()
         return None if received is None else self._heard_from(tick, *received)
 
-    def _forget_planned(self, first_tick: i64) -> None:
-        """Pass over what was due long before the first sample: a predecessor has done it."""
-        due = first_tick - _COMING_UP_NS // self.params.period_ns
-        self._planned_tick = min((t for t in self._schedule if t >= due), default=NEVER)
-
-    def _planned(self) -> OperatorCommand | None:
-        """The scenario's next order, which may be late: the first sample can be later than it.
-
-        A start waits for samples, as an operator would.
-        """
-        due_tick = self._planned_tick
-        planned = self._schedule[due_tick]
-        if planned.kind == "start" and self.state.stale >= self.params.bounds.stale_ticks:
-            return None
-        self._planned_tick = min((t for t in self._schedule if t > due_tick), default=NEVER)
-        return planned
-
     def _heard_from(self, tick: i64, origin: str, raw: bytes) -> OperatorCommand | None:
         """The command that came over the command key, unless it is refused."""
         t_ns = tick * self.params.period_ns
         self._heard += topics.COMMAND.pack(tick, t_ns, origin, raw)
+        if is_request(raw):
+            self._changes.requests.append((origin, raw))
+            return None
         try:
             command = parse(raw, origin)
             self._is_asked = command is not None
@@ -257,39 +274,27 @@ class ControllerLoop:
             self._finished = output.stroke
         if self.tick % self._status_every != 0:
             return
-        state, reception, stroke = self.state, self.reception, self._finished
-        status = ControllerStatus(
-            mode=state.mode.name.lower(),
-            t_s=float(self.tick * self.params.period_ns) * 1e-9,
-            tick=self.tick,
-            tdc_mm=None if stroke is None else stroke.tdc_m * 1e3,
-            tdc_ref_mm=state.set_points.tdc_ref_m * 1e3,
-            fuel_mg=None if stroke is None else stroke.demand.fuel_kg * 1e6,
-            speed_hz=None if stroke is None else stroke.speed_hz,
-            power_w=None if stroke is None else stroke.power_w,
-            power_ref_w=None if stroke is None else stroke.power_ref_w,
-            load_n_s_m=output.machine.load_n_s_m,
-            stale=state.stale,
-            late_samples=self.late,
-            implausible_samples=reception.implausible,
-            reception=reception.decoder.counts()._asdict(),
+        status = status_of(
+            self.tick, self.params.period_ns, self.state, output, self._finished, self.reception
         )
-        self._status.publish(status._asdict())
+        self._status.publish(status | {"late_samples": self.late, "changes": self._changes.count})
 
     def remember(self) -> LoopMemory:
         """Return all that the next turn depends on besides its inputs."""
         sent, received = self._encoder.remember(), self.reception.remember()
-        age = self._age.remember()
+        age, changes = self._age.remember(), self._changes.remember()
         stimuli = None if self._stimulation is None else self._stimulation.remember()
-        return LoopMemory(self.tick, self.state, sent, received, self.late, age, stimuli)
+        return LoopMemory(self.tick, self.state, sent, received, self.late, age, changes, stimuli)
 
     def recall(self, memory: LoopMemory) -> None:
         """Go on from what `remember` returned."""
         self.tick, self.state, self.late = memory.tick, memory.state, memory.late
+        self._adopt(self._changes.recall(memory.changes, self.params))
         self._encoder.recall(memory.sent)
         self.reception.recall(memory.received)
-        self._planned_tick = min((t for t in self._schedule if t > self.tick), default=NEVER)
+        self._schedule.pass_over(self.tick + 1)
         self._age.recall(memory.age)
         self._finished = None
         if self._stimulation is not None and memory.stimuli is not None:
-            self._stimulation.recall(memory.stimuli)
+            values = self._stimulation.recall(memory.stimuli)
+            self._adopt(changed(self.params, values) if values else self.params)

@@ -36,7 +36,7 @@ def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State,
         state = replace(state, set_points=set_points)
     law = command.text("law")
     if law is not None:
-        state = _with_law(params, state, law)
+        state = with_law(params, state, law)
     return state, (("command", command.describe()), *told)
 
 
@@ -50,7 +50,7 @@ def _refusal(params: Params, command: OperatorCommand) -> str:
     return f"{reason} (from {command.origin})" if reason else ""
 
 
-def _with_law(params: Params, state: State, name: str) -> State:
+def with_law(params: Params, state: State, name: str) -> State:
     """Let another law go on from here; in a mode without one it will begin afresh."""
     view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
     return replace(state, fuelling=state.fuelling.handed_over(name, params.law_of(name), view))

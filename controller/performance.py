@@ -117,16 +117,23 @@ def _on(xs: list[float], ys: list[float], x: float) -> float:
 
 @final
 class Performance:
-    """What is known of one engine's steady running, for one configuration."""
+    """What is known of one engine's steady running, for one configuration.
 
-    def __init__(self, config: ControllerConfig, engine: Prototype, period_s: float) -> None:
+    Parameters: begun : with which the run began and which the preset belongs to, if another one
+    """
+
+    def __init__(
+        self, config: ControllerConfig, engine: Prototype, period_s: float,
+        begun: ControllerConfig | None = None,
+    ) -> None:  # fmt: skip
+        begun = begun or config
         self._engine = engine
         self._curves = _curves_of(config.supervisory.map)
-        self._preset = config.preset
+        self._preset = begun.preset
         self._fuel_min_kg = config.limits.fuel_min_kg
         self._limits = SteadyLimits(config, period_s)
-        self.tdc_m = config.tdc_ref_m or engine.tdc_ref_m
-        self.load_n_s_m = self._start_load(config)
+        self.tdc_m = begun.tdc_ref_m or engine.tdc_ref_m
+        self.load_n_s_m = self._start_load(begun)
         self._start = self._base(self.tdc_m, self.load_n_s_m)
 
     def _start_load(self, config: ControllerConfig) -> float:

@@ -75,7 +75,7 @@ class Reception:
         self._period_ns = period_ns
         self._largest_gap = _LARGEST_GAP_NS // period_ns
         self._silent_turns = 0
-        self._possible = possible
+        self.possible = possible
         self._every_stroke = every_stroke
         self.witness = UNHEARD_OF
         self.doubted = ""
@@ -135,20 +135,20 @@ class Reception:
         active = operation.mode is MOTORING or operation.mode is GENERATING
         doubted = self.witness.doubt
         self.witness = judge(
-            self._possible, self.witness, motion, t_ns, sample.x_m, sample.v_m_s, active
+            self.possible, self.witness, motion, t_ns, sample.x_m, sample.v_m_s, active
         )
         if doubted == NONE and self.witness.doubt != NONE and active:
             self.doubted = NAMES[self.witness.doubt]
         if not active:
             return NONE
         if self.witness.agreeing:
-            return fault_of(self._possible, self.witness)
+            return fault_of(self.possible, self.witness)
         self.witness, fault = watch(
-            self._possible, self.witness, motion, sample.v_m_s, power_w,
+            self.possible, self.witness, motion, sample.v_m_s, power_w,
             state.set_points.load_n_s_m, t_ns - operation.since_t_ns, operation.mode is GENERATING,
             self._every_stroke and operation.fired_t_ns < 0, operation.misfires,
         )  # fmt: skip
-        return fault or fault_of(self._possible, self.witness)
+        return fault or fault_of(self.possible, self.witness)
 
     def _whole_tick(self, low: int, last: int) -> int:
         """The tick of which the wire carries 32 bits, nearest to the last; -1 if far ahead."""

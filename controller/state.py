@@ -44,19 +44,22 @@ class Start:
 
 @final
 class Params:
-    """What does not change during a run.
+    """What does not change within a tick.
 
-    laws: all that there are, by name; the one with which the run begins is at hand as `law`
+    config: in force; begun: with which the run began
+    laws: all that there are, by name; the one that is configured is at hand as `law`
     valve_table: where valves are to move, None where the controller does not move them
     cycle: the machine's part in a four-stroke cycle, None where the controller does not drive it
     """
 
     def __init__(
-        self, config: ControllerConfig, engine: Prototype, period_ns: i64, bounds: Bounds,
-        supervisor: Supervisor, stroke_map: StrokeMap | None, laws: dict[str, Law[Any]],
-        possible: Possible, valve_table: ValveTable | None = None, cycle: Cycle | None = None,
+        self, config: ControllerConfig, begun: ControllerConfig, engine: Prototype, period_ns: i64,
+        bounds: Bounds, supervisor: Supervisor, stroke_map: StrokeMap | None,
+        laws: dict[str, Law[Any]], possible: Possible, valve_table: ValveTable | None = None,
+        cycle: Cycle | None = None,
     ) -> None:  # fmt: skip
         self.config = config
+        self.begun = begun
         self.engine = engine
         self.period_ns = period_ns
         self.dt_s = float(period_ns) * 1e-9

@@ -12,7 +12,7 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from controller.knowledge import OperatingPoint
-from controller.performance import LOAD_MAX_N_S_M, Performance, Reach, full_load
+from controller.performance import LOAD_MAX_N_S_M, Performance, Reach, full_load, nominal_load
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value, replace
@@ -120,16 +120,21 @@ class SetPoints(Value):
 
 @final
 class Supervisor:
-    """The layer for one configuration; what changes is its `SetPoints`."""
+    """The layer for one configuration; what changes is its `SetPoints`.
+
+    Parameters: begun : configuration with which the run began, if that is another one
+    """
 
     def __init__(
-        self, config: ControllerConfig, engine: Prototype, period_s: float, limit_m: float
-    ) -> None:
+        self, config: ControllerConfig, engine: Prototype, period_s: float, limit_m: float,
+        begun: ControllerConfig | None = None,
+    ) -> None:  # fmt: skip
         section = config.supervisory
         self._limit_m = limit_m
         self._tdc_step_m = section.tdc_step_m
-        self.performance = Performance(config, engine, period_s)
+        self.performance = Performance(config, engine, period_s, begun)
         self.full_load_n_s_m = full_load(config, engine)
+        self.nominal_load_n_s_m = nominal_load(config, engine)
         self._target_w = section.target_power_w
         self._throttle = section.throttle
         self._slew_n_s_m_s = section.load_slew_n_s_m_per_s
@@ -173,6 +178,10 @@ class Supervisor:
             )
             events = (*events, (LOAD_RATE_LIMITED, text))
         return after, events
+
+    def released(self, now: SetPoints) -> SetPoints:
+        """Let go of a target power: the configured load holds."""
+        return replace(now, target=None, load_target_n_s_m=self.nominal_load_n_s_m)
 
     def _aimed(self, now: SetPoints, asked_w: float, reach: Reach) -> SetPoints:
         """Aim at a power, as far as the engine reaches; what was learnt of its load stays."""

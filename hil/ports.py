@@ -6,7 +6,7 @@ Classes and no protocols, since a call of a compiled loop to a class's method co
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 from mypy_extensions import i64, mypyc_attr
 
@@ -99,8 +99,13 @@ class CommandSource:
         """Return (origin, raw command) of the oldest command not yet taken, or None."""
         raise NotImplementedError
 
-    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
-        """Tell who sent the command that was polled last what has become of it; never blocks."""
+    def answer(
+        self, is_taken: bool, tick: int, text: str, values: Mapping[str, Any] | None = None, /
+    ) -> None:
+        """Tell who sent the command that was polled last what has become of it; never blocks.
+
+        Parameters: values : of parameters that were asked for
+        """
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -83,7 +83,7 @@ class Answers:
         self.peer_lost = False
         self._link = link
         self._period_ns = period_ns
-        self._stale_ticks = stale_ticks
+        self.stale_ticks = stale_ticks
         self._answered_before = False
         self._silent_turns = 0
         self._throttle = 1.0
@@ -132,7 +132,7 @@ class Answers:
         """What one batch holds; nothing when it answers a sample that is too old by now."""
         head, machine, pulses = _read(self.decoder.decode(batch))
         age = 0 if head is None else tick - head.tick & _TICK_MASK
-        if age <= self._stale_ticks or age > _TICK_MASK >> 1:
+        if age <= self.stale_ticks or age > _TICK_MASK >> 1:
             return head, machine, pulses
         self.stale += 1
         return None, None, []

@@ -7,9 +7,11 @@ from typing import Final
 from mypy_extensions import i64
 
 from hil.log import packing, topics
+from hil.names.changes import REFUSED
 from hil.pacing import Slot
 from hil.wire.pulses import PulseOrder, unwrap_ns
-from plant.answers import Answer
+from hil.wire.status import PlantStatus
+from plant.answers import Answer, Answers
 from plant.memory import Measured
 from plant.rig import events as codes
 from plant.rig.events import Event
@@ -24,6 +26,7 @@ _SEVERITY: Final = {
     codes.MISFIRE: topics.WARNING,
     codes.PULSE_REFUSED: topics.WARNING,
     codes.ORDER_REFUSED: topics.WARNING,
+    REFUSED: topics.WARNING,
 }
 
 
@@ -101,3 +104,23 @@ def pack_events(tick: int, t_ns: int, events: tuple[Event, ...]) -> bytes:
         )
         for event in events
     )
+
+
+def status_of(
+    slot: Slot, late_max_ns: int, state: PlantState, answers: Answers
+) -> dict[str, object]:
+    """How the plant is, but for what its loop counts."""
+    return PlantStatus(
+        t_s=float(slot.scheduled_ns) * 1e-9,
+        tick=slot.tick,
+        tdc_mm=abs(state.dead_centre.x_m) * 1e3 if state.dead_centre.number else None,
+        late_us=(slot.woke_ns - slot.scheduled_ns) // 1000,
+        late_max_us=late_max_ns // 1000,
+        missed=0,
+        answered=answers.answered,
+        used_tick=answers.used_tick,
+        safe=state.latch != 0,
+        contacts=state.contacts,
+        changes=0,
+        reception=answers.decoder.counts()._asdict(),
+    )._asdict()

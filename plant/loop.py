@@ -5,23 +5,27 @@ Everything that touches the outside goes through a port; the physics is in plant
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
+
+from mypy_extensions import i64
 
 from hil import snapshot
 from hil.errors import ConfigError
 from hil.exchange import await_batch
 from hil.log import topics
+from hil.names.changes import Changes
 from hil.pacing import Pacer, Slot
 from hil.ports import CommandSource, Link, Recorder, StatusSink
 from hil.stimuli.player import Player
 from hil.values import NEVER
+from hil.wire.changes import is_one as is_request
 from hil.wire.codec import Decoder, Encoder
 from hil.wire.fields import most_of
 from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, SLOW_ORDER, PistonSample, PlantTick
-from hil.wire.status import PlantStatus
 from plant import faults
 from plant.answers import Answer, Answers
-from plant.log import pack_events, pack_skipped, pack_turn
+from plant.log import pack_events, pack_skipped, pack_turn, status_of
 from plant.memory import LoopMemory, Measured, Ordered
 from plant.rig.events import Event
 from plant.rig.params import PlantParams
@@ -30,6 +34,7 @@ from plant.rig.state import AS_BEFORE, PlantState
 from plant.rig.step import step
 from plant.sensors import sample, sensed, valve_move
 from plant.stimulation import Stimulation
+from plant.tuning import changed, enforced
 
 _NAN: Final = float("nan")
 _X_MOST: Final = most_of(PistonSample, "x_m")
@@ -75,6 +80,8 @@ class PlantLoop:
         self._commands = commands
         self._heard = b""
         self._ordered_faults: tuple[Ordered, ...] = ()
+        self._changes = Changes("plant", changed)
+        self._change_tick: i64 = NEVER
         self._stimulation = Stimulation(player)
         self.params, self.state = self._stimulation.apply(params, state, _NO_EVENTS)
         self._measured = self._measure()
@@ -99,12 +106,16 @@ class PlantLoop:
         answer = self._understand(arrived)
         if self._commands is not None and slot.tick % _COMMAND_EVERY == 0:
             self._take_fault(self._commands, slot.tick)
+        changed_to = self._change(slot.tick)
         before = self.state
         self.state, events = step(self.params, before, answer.command)
         self._stimulate(events)
         self._measured = self._measure()
-        self._record(slot, sent_ns, measured, answer, before, events, told)
+        self._record(slot, sent_ns, measured, answer, before, changed_to + events, told)
         self._tell(slot)
+        if self._changes.requests or self._change_tick == slot.tick + 1:
+            self._heard += self._changes.attend(slot.tick, self.params, self._commands)
+            self._change_tick = self._changes.next_tick
         return slot.tick + 1
 
     def _stimulate(self, events: tuple[Event, ...]) -> None:
@@ -113,6 +124,22 @@ class PlantLoop:
         stimulation.ordered = self._ordered_faults
         self.params, self.state = stimulation.apply(self.params, self.state, events)
         self._ordered_faults = stimulation.ordered
+
+    def _change(self, tick: int) -> tuple[Event, ...]:
+        """Put the parameters in force that act from this tick on; returns what came of it."""
+        if tick < self._change_tick:
+            return _NO_EVENTS
+        self.params, change = self._changes.take(tick, self.params)
+        self._change_tick = self._changes.next_tick
+        self.answers.stale_ticks = self.params.stale_ticks
+        events = [Event(tick * self.params.period_ns, code, text) for code, text in change.events]
+        if change.keys:
+            self.state = enforced(self.params, self.state, events)
+        return tuple(events)
+
+    def plan(self, tick: int, values: Mapping[str, object], origin: str) -> None:
+        """Change parameters from a tick on."""
+        self._change_tick = self._changes.plan(tick, values, origin)
 
     def _send_and_take(self, tick: int, batch: bytes) -> tuple[int, list[bytes]]:
         """Send the sample of this tick, and take what acts in it.
@@ -175,6 +202,10 @@ class PlantLoop:
         origin, raw = received
         t_ns = tick * self.params.period_ns
         heard = topics.COMMAND.pack(tick, t_ns, origin, raw)
+        if is_request(raw):
+            self._changes.requests.append((origin, raw))
+            self._heard += heard
+            return
         try:
             event = faults.parse(raw, origin, t_ns)
         except ConfigError as error:
@@ -198,24 +229,19 @@ class PlantLoop:
         held = None if self.answers.answered else AS_BEFORE
         self.missed += slot.tick - tick
         for missed in range(tick, slot.tick):
+            changed_to = self._change(missed)
             before, told = self.state, self._stimulation.told
             self.state, events = step(self.params, before, held)
             self._stimulate(events)
-            t_ns = missed * self.params.period_ns
+            t_ns, events = missed * self.params.period_ns, changed_to + events
             data = pack_skipped(missed, t_ns, slot.woke_ns, before)
             self._put(data + pack_events(missed, t_ns, events) + told)
         self._measured = self._measure()
 
     def _record(
-        self,
-        slot: Slot,
-        sent_ns: int,
-        measured: Measured,
-        answer: Answer,
-        before: PlantState,
-        events: tuple[Event, ...],
-        told: bytes,
-    ) -> None:
+        self, slot: Slot, sent_ns: int, measured: Measured, answer: Answer, before: PlantState,
+        events: tuple[Event, ...], told: bytes,
+    ) -> None:  # fmt: skip
         """Hand the whole tick to the recorder, after everything that is in a hurry."""
         tick, period_ns = slot.tick, self.params.period_ns
         t_ns = tick * period_ns
@@ -236,7 +262,7 @@ class PlantLoop:
         sent, answers = self._encoder.remember(), self.answers.remember()
         return LoopMemory(
             self.state, sent, answers, self._measured, self._ordered_faults,
-            self._stimulation.remember(), self._stimulation.told,
+            self._changes.remember(), self._stimulation.remember(), self._stimulation.told,
         )  # fmt: skip
 
     def recall(self, memory: LoopMemory) -> None:
@@ -245,9 +271,12 @@ class PlantLoop:
         self._encoder.recall(memory.sent)
         self.answers.recall(memory.answers)
         self._ordered_faults = memory.ordered
+        self.params = self._changes.recall(memory.changes, self.params)
         self.params = faults.with_ordered(self.params, memory.ordered)
         self.params = self._stimulation.recall(memory.stimuli, self.params)
         self._stimulation.told = memory.told
+        self._change_tick = self._changes.next_tick
+        self.answers.stale_ticks = self.params.stale_ticks
         self._initial_events = _NO_EVENTS
 
     def _tell(self, slot: Slot) -> None:
@@ -256,21 +285,8 @@ class PlantLoop:
         self._late_max_ns = max(self._late_max_ns, late_ns)
         if slot.tick % self._status_every:
             return
-        state = self.state
-        status = PlantStatus(
-            t_s=float(slot.scheduled_ns) * 1e-9,
-            tick=slot.tick,
-            tdc_mm=abs(state.dead_centre.x_m) * 1e3 if state.dead_centre.number else None,
-            late_us=late_ns // 1000,
-            late_max_us=self._late_max_ns // 1000,
-            missed=self.missed,
-            answered=self.answered,
-            used_tick=self.answers.used_tick,
-            safe=state.latch != 0,
-            contacts=state.contacts,
-            reception=self.decoder.counts()._asdict(),
-        )
-        self._status.publish(status._asdict())
+        told = status_of(slot, self._late_max_ns, self.state, self.answers)
+        self._status.publish(told | {"missed": self.missed, "changes": self._changes.count})
         self._late_max_ns = 0
 
 

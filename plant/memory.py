@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import final
 
+from hil.names.changes import ChangesMemory
 from hil.stimuli.player import PlayerMemory
 from hil.values import Value
 from plant.answers import AnswersMemory
@@ -51,12 +52,14 @@ class Ordered(Value):
 
 @final
 class LoopMemory(Value):
-    """The state of the engine, and of what is around it: frames sent, answers, faults, stimuli.
+    """The state of the engine, and of what is around it: frames, answers, faults, changes, stimuli.
 
     told: records of the stimuli that the next tick begins with
     """
 
-    __slots__ = ("state", "sent", "answers", "measured", "ordered", "stimuli", "told")
+    __slots__ = (
+        "state", "sent", "answers", "measured", "ordered", "changes", "stimuli", "told",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -65,6 +68,7 @@ class LoopMemory(Value):
         answers: AnswersMemory,
         measured: Measured,
         ordered: tuple[Ordered, ...],
+        changes: ChangesMemory,
         stimuli: PlayerMemory | None = None,
         told: bytes = b"",
     ) -> None:
@@ -73,5 +77,6 @@ class LoopMemory(Value):
         self.answers = answers
         self.measured = measured
         self.ordered = ordered
+        self.changes = changes
         self.stimuli = stimuli
         self.told = told

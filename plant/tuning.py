@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from hil.config.plant import PlantConfig
 from hil.config.ranges import stale_ticks
+from hil.names.parameters import apply
 from hil.values import replace
 from plant.rig.events import Event
 from plant.rig.orders import obey
@@ -14,15 +17,25 @@ from plant.rig.stroke import act
 
 def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
     """Return the parameters by another configuration; the engine stays as it was built."""
+    load_n_s_m = config.load_coefficient_n_s_m
     return replace(
         p,
         config=config,
+        load_coefficient_n_s_m=p.load_coefficient_n_s_m if load_n_s_m is None else load_n_s_m,
         stale_ticks=stale_ticks(config.stale_s, p.period_ns),
         spark_window_ns=config.spark_window_s * SECOND_NS,
         injector=injector_of(config.injector),
         sensors=config.sensors,
         noisy=is_noisy(config.sensors),
     )
+
+
+def changed(p: PlantParams, values: Mapping[str, object]) -> PlantParams:
+    """Return the parameters with other values, by their keys.
+
+    Raises: ConfigError for what is not accepted
+    """
+    return retuned(p, apply(p.config, values))
 
 
 def enforced(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:

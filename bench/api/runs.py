@@ -17,11 +17,11 @@ from bench.run.memory.execution import execute_here
 from bench.run.memory.pair import Pair
 from bench.run.progress import Silent
 from bench.run.resolve import resolve as fill_in
-from hil.config.base import Tree
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, InterruptedRunError
+from hil.toml import Tree
 
 Given = str | Path | Mapping[str, Any] | Scenario
 """A scenario: its name, its file or FILE::CASE, its keys as a tree, or itself."""

@@ -7,21 +7,24 @@ from typing import Annotated
 
 import typer
 
-ConfigOption = Annotated[
+from bench.cli.options import Force
+
+RunOption = Annotated[
     Path | None,
     typer.Option(
-        "--config",
-        help="Scenario of the pair: a .toml file, scenario.json or the directory of a run."
-        " Without it: the default endpoints.",
+        "--run", "--config",
+        help="Which engine: the directory of its run, scenario.json or a .toml file."
+        " Without it: the one that runs.",
     ),
-]
+]  # fmt: skip
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def status(
     *,
     watch: Annotated[bool, typer.Option("--watch", help="Go on until interrupted.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    config: ConfigOption = None,
+    as_json: JsonOption = False,
+    run: RunOption = None,
 ) -> None:
     """Show mode, TDC, lateness and counters of a running pair.
 
@@ -30,40 +33,62 @@ def status(
     from bench.live import status as work
 
     show = work.watch if watch else work.show
-    raise typer.Exit(show(config, as_json=as_json))
+    raise typer.Exit(show(run, as_json=as_json))
 
 
-def set_points(
+def set_parameters(
     assignments: Annotated[
-        list[str], typer.Argument(metavar="KEY=VALUE...", help="As in tdc_ref_m=0.0152.")
-    ],
+        list[str] | None,
+        typer.Argument(metavar="[KEY=VALUE...]", help="Or @FILE, a set that --save has written."),
+    ] = None,
     *,
-    config: ConfigOption = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write all that is in force (.toml).")
+    ] = None,
+    force: Force = False,
+    run: RunOption = None,
 ) -> None:
-    """Change set points of a running controller: tdc_ref_m, target_power_w, law."""
-    from bench.live import status as work
+    """Change parameters of a running engine, all or none, at one tick.
 
-    raise typer.Exit(work.set_points(assignments, config))
+    Exit code 0: taken, with the tick from which it acts; 1: refused, with the reason.
+    """
+    from bench.live import steer
+
+    raise typer.Exit(steer.change(assignments or [], save, run, force))
 
 
-def start(*, config: ConfigOption = None) -> None:
+def get_parameters(
+    keys: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[KEY...]", help="Keys, parts of them, or patterns; all without."),
+    ] = None,
+    *,
+    as_json: JsonOption = False,
+    run: RunOption = None,
+) -> None:
+    """Print the values in force of parameters of a running engine."""
+    from bench.live import steer
+
+    raise typer.Exit(steer.tell_values(keys or [], run, as_json=as_json))
+
+
+def start(*, run: RunOption = None) -> None:
     """Let a running controller start the engine."""
-    from bench.live import status as work
+    from bench.live import steer
 
-    raise typer.Exit(work.order("start", config))
+    raise typer.Exit(steer.order("start", run))
 
 
-def stop(*, config: ConfigOption = None) -> None:
+def stop(*, run: RunOption = None) -> None:
     """Let a running controller stop the engine."""
-    from bench.live import status as work
+    from bench.live import steer
 
-    raise typer.Exit(work.order("stop", config))
+    raise typer.Exit(steer.order("stop", run))
 
 
 PatternArgument = Annotated[
     str, typer.Argument(metavar="[PATTERN]", help="Part of a name, or one with * and ?.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def parameters(
@@ -90,7 +115,8 @@ def signals(pattern: PatternArgument = "", *, as_json: JsonOption = False) -> No
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     app.command()(status)
-    app.command("set")(set_points)
+    app.command("set")(set_parameters)
+    app.command("get")(get_parameters)
     app.command()(start)
     app.command()(stop)
     app.command()(parameters)

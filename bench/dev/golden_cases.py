@@ -12,9 +12,9 @@ from typing import Any, Final, NamedTuple
 
 from bench.run import scenarios
 from bench.run.resolve import resolve
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
+from hil.toml import read_toml
 
 Changes = tuple[tuple[str, Any], ...]
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from bench.dev.markdown import number, table
 from hil.config.base import Section
-from hil.names.parameters import Parameter, own_leaves, read_docstring, sections
+from hil.names.leaves import Parameter, own_leaves, read_docstring, sections
 
 TITLES: Final = ("key", "type", "unit", "default", "accepted", "live", "meaning")
 

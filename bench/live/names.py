@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.names import parameters, signals
-from hil.names.parameters import Parameter
+from hil.names.leaves import Parameter
 from hil.names.signals import Signal
 
 _WIDTH_IN_A_PIPE: Final = 200

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from rich.console import Console
 
-from drivers.links import open_operator
-from hil.config.load import parse_assignment, read_scenario
-from hil.config.process import LinkConfig, LoopConfig
-from hil.errors import BlockedError, ConfigError, LinkError
-from hil.wire.answers import CommandAnswer
-from hil.wire.commands import BY_PARAMETER, OperatorCommand, read
+from bench.live.engines import engine_of
+from hil.errors import LinkError
 from hil.wire.status import SHOWN, Status
 
 PROCESSES: Final = ("plant", "controller")
@@ -23,7 +19,6 @@ REACHED_S: Final = 2.0
 """Status is published ten times a second; who is silent for this long is not there."""
 
 _POLL_S: Final = 0.02
-_SETTABLE: Final = tuple(name for _, name in BY_PARAMETER.values())
 
 
 class Operator(Protocol):
@@ -35,25 +30,16 @@ class Operator(Protocol):
     def poll_status(self) -> tuple[str, dict[str, Any]] | None:
         """Return (process, status) of the oldest status not yet taken, or None."""
 
-    def ask(self, command: Mapping[str, object], to: str, timeout_s: float) -> CommandAnswer:
-        """Send one command and return what its addressee says."""
-
     def close(self) -> None:
         """Leave."""
 
 
-def operator_of(config: Path | None) -> Operator:
-    """Join the pair that a configuration describes, or the one at the default endpoints.
+def operator_of(run: Path | None) -> Operator:
+    """Join the pair of a run, or the one that is there.
 
     Raises: ConfigError, LinkError
     """
-    if config is None:
-        return open_operator(LinkConfig(), LoopConfig(), "hil")
-    path = config / "scenario.json" if config.is_dir() else config
-    scenario = read_scenario(path)
-    if scenario.link.kind == "memory":
-        raise ConfigError(f"{path}: link.kind: a run in memory has no keys to ask it over")
-    return open_operator(scenario.link, scenario.loop, "hil")
+    return engine_of(run).operator("hil")
 
 
 def gather(operator: Operator, timeout_s: float | None = None) -> dict[str, Status]:
@@ -152,70 +138,3 @@ def _watch_table(operator: Operator, statuses: dict[str, Status]) -> None:
         for process, status in _news(operator):
             statuses[process] = status
             live.update(_table(statuses), refresh=True)
-
-
-def set_points(assignments: Sequence[str], config: Path | None) -> int:
-    """Change set points of a running controller.
-
-    Raises: ConfigError for what no controller takes, else as `order`
-    """
-    return _command(commands_of(assignments), config)
-
-
-def commands_of(assignments: Sequence[str]) -> list[OperatorCommand]:
-    """Return the commands that KEY=VALUE ask for, checked as the controller checks them.
-
-    Raises: ConfigError
-    """
-    given = dict(parse_assignment(text) for text in assignments)
-    unknown = [key for key in given if key not in _SETTABLE]
-    if unknown or not given:
-        what = f"{unknown[0]}: unknown" if unknown else "nothing to set"
-        raise ConfigError(f"hil set: {what}; accepted: {', '.join(_SETTABLE)} (KEY=VALUE)")
-    tables: dict[str, dict[str, Any]] = {}
-    for kind, name in BY_PARAMETER.values():
-        if name in given:
-            tables.setdefault(kind, {"kind": kind})[name] = given[name]
-    try:
-        asked = [read(table, "hil set") for table in tables.values()]
-    except ValueError as error:
-        raise ConfigError(f"hil set: {error}") from None
-    if "law" in given:
-        from controller.motion.choice import check_name
-
-        check_name(given["law"], "hil set: law")
-    return asked
-
-
-def order(kind: str, config: Path | None) -> int:
-    """Send `start` or `stop`.
-
-    Raises: BlockedError when it is refused, LinkError when nobody answers
-    """
-    return _command([OperatorCommand(kind)], config)
-
-
-def _command(commands: Sequence[OperatorCommand], config: Path | None) -> int:
-    """Give one command after the other; each is answered before the next one goes.
-
-    Raises: BlockedError with the reason and what is accepted, LinkError when nobody answers
-    """
-    operator = operator_of(config)
-    try:
-        _wait_for_controller(operator)
-        for command in commands:
-            answer = operator.ask(command.table(), command.to, REACHED_S)
-            if not answer.taken:
-                raise BlockedError(f"{answer.process} refused {command.kind}: {answer.text}")
-            print(f"{answer.process}: {answer.text}; taken at tick {answer.tick}", flush=True)
-    finally:
-        operator.close()
-    return 0
-
-
-def _wait_for_controller(operator: Operator) -> None:
-    end_s = time.monotonic() + REACHED_S
-    while "controller" not in operator.alive():
-        if time.monotonic() > end_s:
-            raise LinkError(f"no controller takes commands, waited {REACHED_S:g} s")
-        time.sleep(_POLL_S)

@@ -20,10 +20,11 @@ from bench.run import directory as outdir
 from bench.run.execution import execute, resolved
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
-from hil.config.load import parse_assignment, read_scenario
+from hil.config.load import read_scenario
 from hil.config.resolved import read_resolved
 from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError
 from hil.files import Output
+from hil.toml import assignments_of
 
 
 class RunOptions(NamedTuple):
@@ -38,7 +39,7 @@ class RunOptions(NamedTuple):
 def overrides(flags: dict[str, Any], assignments: list[str]) -> list[tuple[str, Any]]:
     """Return the overrides of a run: the flags that were given, then --set in its order."""
     given = [(key, value) for key, value in flags.items() if value is not None]
-    return given + [parse_assignment(text) for text in assignments]
+    return given + assignments_of(assignments)
 
 
 def log_flags(segment: str | None, retain: str | None) -> dict[str, Any]:

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import uvloop
 
 from bench.live.feed import watch_status
+from bench.live.sockets import point_to, socket_directory
 from bench.run.directory import RunFiles
 from bench.run.failure import error_of
 from bench.run.processes import Child, Status, supervise
 from bench.run.progress import View
 from bench.run.resolve import resolve
-from bench.run.sockets import socket_directory
 from drivers.recorder.output import wait_finished
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
@@ -53,6 +53,7 @@ def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Run a scenario and tell how its processes ended."""
     _check_handles()
     Output("--out", files.scenario, force=True).write(scenario.model_dump_json(indent=1))
+    point_to(files.directory, scenario.link.zenoh.plant_endpoint)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop()  # where it cannot be made, nothing has begun
         return runner.run(_run(scenario, files, view))

@@ -13,11 +13,11 @@ from bench.run.resolve import resolve
 from bench.studies.bound import Informed, LoadChange, step_bound, stroke_end
 from controller.motion.choice import check_name
 from controller.motion.laws import LAWS
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.toml import read_toml
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc
 

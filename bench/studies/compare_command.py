@@ -13,9 +13,9 @@ from bench.studies import survey, survey_page
 from bench.studies.compare import compare, laws_of
 from bench.studies.compare_page import table, write_page
 from controller.motion.laws import LAWS
-from hil.config.load import parse_assignment
 from hil.errors import ConfigError
 from hil.files import Output
+from hil.toml import parse_assignment
 
 FILES = ("compare.html", "table.md")
 

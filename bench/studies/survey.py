@@ -20,10 +20,10 @@ from bench.run.resolve import resolve
 from bench.studies.bound import Informed
 from bench.studies.compare import NO_CONTROL, Tree, bound_of, least_sigma_mm
 from controller.motion.laws import LAWS
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.toml import read_toml
 
 LOADS: Final = (0.85, 1.15)
 RATES: Final = (500, 1000, 2000, 5000, 10000, 20000)

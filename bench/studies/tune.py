@@ -21,12 +21,12 @@ from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from controller.motion.laws import LAWS
-from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.files import Output
+from hil.toml import read_toml
 
 MODELS = ("harmonic", "rectangular")
 LOADS = (0.85, 1.15)

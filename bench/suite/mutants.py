@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from hil.config.base import Tree
 from hil.config.load import with_override
 from hil.config.resolved import Resolved
+from hil.toml import Tree
 
 Changes = Mapping[str, Any]
 

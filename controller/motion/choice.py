@@ -22,7 +22,12 @@ def make_laws(config: ControllerConfig) -> dict[str, Law[Any]]:
     own = make_own(config)
     for name in own.keys() & LAWS.keys():
         raise ConfigError(f"controller.own: {name!r} is a law of ours; accepted is another name")
-    return {**{name: law(config) for name, law in LAWS.items()}, **own}
+    return {**made_of(config), **own}
+
+
+def made_of(config: ControllerConfig) -> dict[str, Law[Any]]:
+    """Make the laws that are ours."""
+    return {name: law(config) for name, law in LAWS.items()}
 
 
 def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | None) -> str:

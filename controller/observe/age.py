@@ -30,16 +30,16 @@ class SampleAge:
         self.offset_ns: i64 = NEVER
         self._period_ns = period_ns
         self._drift_ns: i64 = max(period_ns // _DRIFT, 1)
-        self._most_ns = most_ns
+        self.most_ns = most_ns
         self._old_since_ns: i64 = -1
 
     def is_too_old(self, tick: i64, now_ns: i64) -> bool:
         """Take note of a sample that is taken now, on our clock [ns]."""
-        if self._most_ns >= NEVER:
+        if self.most_ns >= NEVER:
             return False
         offset_ns = now_ns - tick * self._period_ns
         self.offset_ns = min(self.offset_ns + self._drift_ns, offset_ns)
-        if offset_ns - self.offset_ns <= self._most_ns:
+        if offset_ns - self.offset_ns <= self.most_ns:
             self._old_since_ns = -1
             return False
         if self._old_since_ns < 0:

@@ -8,9 +8,12 @@ Links that stay in this machine are open to whoever may open them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from hil.config.process import RolesConfig, ZenohConfig
+from drivers.zenoh.sockets import ZenohSection
+
+if TYPE_CHECKING:
+    from hil.config.process import RolesConfig
 
 _SPEAK: Final = ("put", "delete")
 _ASK: Final = ("put", "query")
@@ -49,7 +52,7 @@ _TOLD: Final = (
 )
 
 
-def access_control(config: ZenohConfig) -> dict[str, object]:
+def access_control(config: ZenohSection) -> dict[str, object]:
     """Return the part of a session's configuration; none without certificates."""
     if config.tls is None:
         return {}
@@ -76,12 +79,12 @@ def access_control(config: ZenohConfig) -> dict[str, object]:
 
 _THIS_MACHINE: Final = {"id": "this-machine", "link_protocols": ["unixsock-stream", "tcp"]}
 _FOR_ALL: Final = (
-    {"rules": ["looks"], "subjects": list(RolesConfig.model_fields)},
+    {"rules": ["looks"], "subjects": ["plant", "controller", "operator", "observer"]},
     {"rules": ["local"], "subjects": ["this-machine"]},
 )
 
 
-def _rule(config: ZenohConfig, name: str, flow: str, right: Right) -> dict[str, object]:
+def _rule(config: ZenohSection, name: str, flow: str, right: Right) -> dict[str, object]:
     return {
         "id": name, "permission": "allow", "flows": [flow], "messages": list(right.messages),
         "key_exprs": [f"hil/{config.engine}/{key}" for key in right.keys],

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import zenoh
@@ -103,20 +102,23 @@ class ZenohCommands(CommandSource):
         self._refused += 1
         text = f"{MAX_WAITING} commands wait already; accepted is one every ten ticks"
         if received.query is not None:
-            self._reply(received.query, self._command, False, 0, text)
+            told = CommandAnswer(self._node.role, False, 0, text)
+            self._reply(received.query, self._command, told)
         if self._refused & (self._refused - 1) == 0:  # the first, the second, the fourth ...
-            told = f"{self._refused} commands were refused, the last from {received.origin}: {text}"
-            self._node.note("command-flood", told)
+            last = f"the last from {received.origin}: {text}"
+            self._node.note("command-flood", f"{self._refused} commands were refused, {last}")
 
-    def answer(self, is_taken: bool, tick: int, text: str, /) -> None:
+    def answer(
+        self, is_taken: bool, tick: int, text: str, values: Mapping[str, Any] | None = None, /
+    ) -> None:
         """Tell who sent the command that was polled last what has become of it."""
         query, self._asked = self._asked, None
         if query is not None:
-            self._reply(query, str(query.key_expr), is_taken, tick, text)
+            told = CommandAnswer(self._node.role, is_taken, tick, text, values or {})
+            self._reply(query, str(query.key_expr), told)
 
-    def _reply(self, query: zenoh.Query, key: str, is_taken: bool, tick: int, text: str) -> None:
+    def _reply(self, query: zenoh.Query, key: str, told: CommandAnswer) -> None:
         with contextlib.suppress(zenoh.ZError):
-            told = CommandAnswer(self._node.role, is_taken, tick, text)
             query.reply(key, answers.write(told))
         give_back(query.drop)
 
@@ -214,6 +216,15 @@ class ZenohOperator:
 
         Raises: LinkError when it says nothing within the time, or takes none of this operator
         """
+        return self.ask_all(command, (to,), timeout_s)[0]
+
+    def ask_all(
+        self, command: Mapping[str, object], to: Sequence[str], timeout_s: float
+    ) -> list[CommandAnswer]:
+        """Send one command and return what each of its addressees says, in their order.
+
+        Raises: LinkError when one says nothing within the time, or takes none of this operator
+        """
         key = self._node.key("stop" if command.get("kind") == "stop" else "command")
         source = zenoh.SourceInfo(self._commands.id, self._sent)
         self._sent += 1
@@ -226,12 +237,16 @@ class ZenohOperator:
             )  # fmt: skip
         except zenoh.ZError as error:
             raise LinkError(f"zenoh: a command was not sent: {error}") from None
+        told: dict[str, CommandAnswer] = {}
         for reply in replies:
             answer = None if reply.ok is None else answers.read(reply.ok.payload.to_bytes())
-            if answer is not None and answer.process == to:
-                return answer
+            if answer is not None:
+                told[answer.process] = answer
+            if all(process in told for process in to):
+                return [told[process] for process in to]
+        missing = " and the ".join(process for process in to if process not in told)
         raise LinkError(
-            f"the {to} did not answer {command.get('kind')} within {timeout_s:g} s: it takes"
+            f"the {missing} did not answer {command.get('kind')} within {timeout_s:g} s: it takes"
             " commands of operators only"
         )
 
@@ -246,6 +261,8 @@ class ZenohOperator:
 
     async def statuses(self) -> AsyncIterator[tuple[str, dict[str, Any]]]:
         """Yield (process, status) as they come, for ever; cancel to stop."""
+        import asyncio  # noqa: PLC0415 - a command that asks once has no time for it
+
         while True:
             while (told := self.poll_status()) is not None:
                 yield told
@@ -256,6 +273,8 @@ class ZenohOperator:
 
         Raises: LinkError naming those that do not within the time
         """
+        import asyncio  # noqa: PLC0415
+
         end_s = time.monotonic() + timeout_s
         while not (processes <= self.alive() and is_heard(self._commands)):
             if time.monotonic() > end_s:

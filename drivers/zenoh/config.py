@@ -11,7 +11,7 @@ import re
 from typing import Final, Literal, NamedTuple
 
 from drivers.zenoh.access import access_control
-from hil.config.process import ZenohConfig
+from drivers.zenoh.sockets import ZenohSection
 from hil.errors import ConfigError
 from hil.wire import commands, status
 
@@ -60,7 +60,7 @@ def _is_loopback(host: str) -> bool:
         return False
 
 
-def check_endpoint(endpoint: str, key: str, config: ZenohConfig) -> Endpoint:
+def check_endpoint(endpoint: str, key: str, config: ZenohSection) -> Endpoint:
     """Refuse what leaves the machine without mutual TLS.
 
     Raises: ConfigError when the endpoint is malformed, insecure or lacks its certificates
@@ -76,7 +76,7 @@ def check_endpoint(endpoint: str, key: str, config: ZenohConfig) -> Endpoint:
     return parsed
 
 
-def check_endpoints(config: ZenohConfig) -> tuple[Endpoint, Endpoint]:
+def check_endpoints(config: ZenohSection) -> tuple[Endpoint, Endpoint]:
     """Check both endpoints, whichever side opens them; return (plant's, controller's).
 
     Raises: ConfigError when one is refused or both are the same
@@ -92,7 +92,7 @@ def check_endpoints(config: ZenohConfig) -> tuple[Endpoint, Endpoint]:
     )
 
 
-def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[str, object]:
+def session_config(role: Role, config: ZenohSection, *, lockstep: bool) -> dict[str, object]:
     """Return the session's configuration tree: no scouting, only the endpoints of the role.
 
     In lockstep the low-latency transport halves the round trip: it writes from the sender's
@@ -137,7 +137,7 @@ def session_config(role: Role, config: ZenohConfig, *, lockstep: bool) -> dict[s
     }
 
 
-def _bounds(config: ZenohConfig) -> list[dict[str, object]]:
+def _bounds(config: ZenohSection) -> list[dict[str, object]]:
     """Return how long what comes from outside may be; what is longer never reaches a queue."""
     longest = {"frames/*": FRAMES_BYTES, "status/*": 2 * status.MAX_BYTES, "**": LONGEST_BYTES}
     return [
@@ -151,7 +151,7 @@ def _bounds(config: ZenohConfig) -> list[dict[str, object]]:
     ]
 
 
-def _tls(config: ZenohConfig) -> dict[str, object]:
+def _tls(config: ZenohSection) -> dict[str, object]:
     """Return the TLS part: both sides show a certificate and check the other's."""
     if config.tls is None:
         return {}

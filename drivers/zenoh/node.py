@@ -19,9 +19,7 @@ from typing import Final
 import zenoh
 
 from drivers.zenoh.config import Role, session_config
-from drivers.zenoh.sockets import guard, placed
-from hil.config.process import ZenohConfig
-from hil.config.terms import known_names
+from drivers.zenoh.sockets import ZenohSection, guard, placed
 from hil.errors import ConfigError, LinkError, RefusedError
 from hil.wire import terms as wire
 from hil.wire.terms import Terms
@@ -54,7 +52,7 @@ class ZenohNode:
     """
 
     def __init__(
-        self, role: Role, config: ZenohConfig, *, lockstep: bool, terms: Terms | None = None
+        self, role: Role, config: ZenohSection, *, lockstep: bool, terms: Terms | None = None
     ) -> None:
         self.role = role
         self.config = config = placed(config, role)
@@ -205,6 +203,8 @@ class ZenohNode:
 
 def misfit(role: Role, ours: Terms, theirs: tuple[int, ...]) -> str:
     """Say in one line in what the peer differs, nothing when it fits."""
+    from hil.config.terms import known_names  # noqa: PLC0415 - all engines, for a refusal alone
+
     differing = wire.differences(ours, theirs, known_names())
     return f"{role} and {PEER[role]} do not fit: {'; '.join(differing)}" if differing else ""
 
@@ -222,7 +222,7 @@ def _process(who: str) -> str:
     return f"process {pid}" if pid.isdecimal() else "a process"
 
 
-def _opened(role: Role, config: ZenohConfig, *, lockstep: bool) -> zenoh.Session:
+def _opened(role: Role, config: ZenohSection, *, lockstep: bool) -> zenoh.Session:
     """Open the session, closed to those who may not enter the directory of its socket.
 
     Raises: RefusedError naming who is there already, LinkError
@@ -258,7 +258,7 @@ def _listener(endpoint: str) -> str:
     return f"process {pid} of user {uid}"
 
 
-def _tell_of_second(role: Role, config: ZenohConfig, *, lockstep: bool) -> None:
+def _tell_of_second(role: Role, config: ZenohSection, *, lockstep: bool) -> None:
     """Let the one that is there log that another one came."""
     tree = session_config("bench", config, lockstep=lockstep)
     with (

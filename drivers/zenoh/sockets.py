@@ -7,12 +7,15 @@ processes that a user starts meet in one that is that user's alone. An operator 
 from __future__ import annotations
 
 import os
+import socket
 import stat
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, Protocol
 
-from hil.config.process import ZenohConfig
 from hil.errors import ConfigError
+
+if TYPE_CHECKING:
+    from hil.config.process import TlsConfig
 
 Side = Literal["plant", "controller"]
 
@@ -22,6 +25,42 @@ SERVICES: Final = Path("/run/fpeg")
 
 _TEMPORARY: Final = Path("/tmp")
 _MAX_SOCKET_PATH: Final = 107  # sun_path of a unix socket, without its closing zero
+
+
+class ZenohSection(Protocol):
+    """Section `link.zenoh` of a configuration (hil/config/process.py), or the same unchecked."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the pair."""
+
+    @property
+    def plant_endpoint(self) -> str:
+        """Where the plant listens."""
+
+    @property
+    def controller_endpoint(self) -> str:
+        """Where the controller listens."""
+
+    @property
+    def tls(self) -> TlsConfig | None:
+        """Certificates of what leaves the machine."""
+
+    @property
+    def allow_insecure(self) -> bool:
+        """Whether an endpoint may leave the machine without."""
+
+
+class Endpoints(NamedTuple):
+    """That section for who has no time to read and check a whole configuration."""
+
+    engine: str = "fpeg"
+    plant_endpoint: str = ""
+    controller_endpoint: str = ""
+    tls: TlsConfig | None = None
+    allow_insecure: bool = False
+
+
 CLOSED: Final = 0o027
 """What group and others must not have in a directory of sockets: the group may look and enter."""
 
@@ -95,11 +134,19 @@ def _has(folder: Path, engine: str) -> bool:
         return False
 
 
+def is_served(path: Path) -> bool:
+    """Whether somebody listens at a unix socket."""
+    if path.suffix != ".sock":
+        return False
+    with socket.socket(socket.AF_UNIX) as probe:
+        return probe.connect_ex(str(path)) == 0
+
+
 def _name(engine: str, side: str) -> str:
     return f"{engine}-{side}.sock"
 
 
-def placed(config: ZenohConfig, role: Literal[Side, "bench"]) -> ZenohConfig:
+def placed(config: ZenohSection, role: Literal[Side, "bench"]) -> ZenohSection:
     """Return the configuration with the endpoints that it leaves open: sockets of the engine.
 
     Raises: ConfigError when the directory for them will not do
@@ -111,14 +158,14 @@ def placed(config: ZenohConfig, role: Literal[Side, "bench"]) -> ZenohConfig:
     longest = folder / _name(config.engine, "controller")
     if len(os.fsencode(longest)) > _MAX_SOCKET_PATH:
         raise ConfigError(f"{longest}: too long for a unix socket; {VARIABLE} names another place")
-    given = {
-        f"{side}_endpoint": end or f"unixsock-stream/{folder / _name(config.engine, side)}"
+    plant, controller = (
+        end or f"unixsock-stream/{folder / _name(config.engine, side)}"
         for side, end in ends.items()
-    }
-    return config.model_copy(update=given)
+    )
+    return Endpoints(config.engine, plant, controller, config.tls, config.allow_insecure)
 
 
-def records_socket(config: ZenohConfig, side: Side, *, own: bool = False) -> Path:
+def records_socket(config: ZenohSection, side: Side, *, own: bool = False) -> Path:
     """Return where the recorder of a process can be joined: beside the socket of that process.
 
     Parameters: own : whether it is the process itself that asks, not who looks for it

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from hil.errors import ConfigError
-from hil.files import read_regular
 from hil.wire.quantities import Number
-
-Tree = dict[str, Any]
-
 
 LIVE: Final[dict[str, Any]] = {"live": True}
 FIXED: Final[dict[str, Any]] = {"live": False}
@@ -75,29 +68,3 @@ class OneOf:
     ) -> CoreSchema:
         """Return what pydantic checks and describes by."""
         return core_schema.literal_schema(list(self.names))
-
-
-def read_toml(path: Path) -> Tree:
-    """Read a TOML file; a byte order mark in front of it, which some editors write, is none of it.
-
-    Raises: ConfigError when it is missing, no regular file, unreadable or no TOML
-    """
-    try:
-        return parse_toml(read_regular(path).decode("utf-8-sig"))
-    except ValueError as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from None
-
-
-def parse_toml(text: str) -> Tree:
-    """Read TOML.
-
-    Raises: ValueError with what is wrong
-    """
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
-    except ValueError:  # of `int`
-        raise ValueError("a number of more digits than a program reads") from None
-    except RecursionError:
-        raise ValueError("values nested too deep") from None

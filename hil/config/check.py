@@ -10,11 +10,10 @@ from pydantic import ValidationError
 
 from hil.config.base import Section
 from hil.errors import ConfigError
+from hil.toml import shown
 from hil.wire.quantities import FieldError
 
 _S = TypeVar("_S", bound=Section)
-
-_LONGEST_SHOWN = 80
 
 
 def check(section: type[_S], tree: Mapping[str, Any], origin: str) -> _S:
@@ -82,12 +81,6 @@ def _refusal(error: ValidationError, origin: str, checked: type[Section]) -> str
         return f"{origin}: {key}.{message}{tail}"
     accepted = _accepted_range(checked, parts)
     return f"{origin}: {key or 'scenario'}: {message}{told}{accepted}{tail}"
-
-
-def shown(value: object) -> str:
-    """A value on part of a line."""
-    text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def _section(checked: type[Section], parts: list[str]) -> dict[str, Any]:

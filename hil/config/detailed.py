@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from hil.config.base import Section, Tree, read_toml
+from hil.config.base import Section
 from hil.config.check import check
 from hil.config.plant import PlantConfig
 from hil.config.prototypes import PROTOTYPES, Prototype, model_files
@@ -28,6 +28,7 @@ from hil.config.ranges import (
     TemperatureK,
 )
 from hil.errors import ConfigError
+from hil.toml import Tree, read_toml
 
 NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
 Metres = Annotated[float, Field(gt=0.0, le=1.0)]

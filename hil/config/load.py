@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hil.config.base import Tree, parse_toml
-from hil.config.check import check, check_json, shown
+from hil.config.check import check, check_json
 from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed
 from hil.errors import ConfigError
 from hil.files import read_regular
+from hil.toml import Tree, shown
 
 _S = TypeVar("_S", bound=Scenario)
 
 _MOST_SHOWN = 12
-
-
-def parse_assignment(text: str) -> tuple[str, Any]:
-    """Read `key=value` of --set; the value is written as in TOML, quotes may be left out.
-
-    Raises: ConfigError when there is no "=" or no key
-    """
-    key, equals, value = text.partition("=")
-    key = key.strip()
-    if not equals or not key or not all(key.split(".")):
-        raise ConfigError(f"--set {text!r}: accepted is key=value, as in run.duration_s=2.5")
-    try:
-        return key, parse_toml(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key, value.strip()
-    except ValueError as error:
-        raise ConfigError(f"--set {key}={shown(value)}: {error}") from None
 
 
 def with_override(tree: Mapping[str, Any], key: str, value: Any) -> Tree:  # noqa: ANN401

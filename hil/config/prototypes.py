@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import Field
 
 from hil import compiled
-from hil.config.base import Section, read_toml
+from hil.config.base import Section
 from hil.config.check import check
 from hil.config.ranges import (
     DeadTimeS,
@@ -36,6 +36,7 @@ from hil.config.ranges import (
     TemperatureK,
 )
 from hil.errors import ConfigError
+from hil.toml import read_toml
 
 ENGINES = compiled.root() / "hil" / "engines"
 """A directory an engine: its own figures, and a file for each model of its gas in full."""

@@ -6,125 +6,20 @@ takes a change. There is no second list.
 
 from __future__ import annotations
 
-import re
-import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, get_origin
+from typing import Any, TypeVar
 
-from pydantic.fields import FieldInfo
+from pydantic import ValidationError
 
-from hil.config.base import OneOf, Section
+from hil.config.base import Section
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.wire.quantities import Scalar, shown
+from hil.names.leaves import Parameter, leaves
+from hil.wire.quantities import shown
 
-Value = Scalar | bool | None
-
-_UNITS: Final = {
-    "n_s_m_per_s": "N s/m/s", "n_s_m": "N s/m", "kg_s_m": "kg s/m", "kg_s": "kg/s", "m_s": "m/s",
-    "j_kg_k": "J/(kg K)", "j_kg": "J/kg", "bit_s": "bit/s", "hz": "Hz", "pa": "Pa", "kg": "kg",
-    "mm": "mm", "us": "us", "bytes": "B", "ticks": "ticks", "m": "m", "s": "s", "n": "N", "w": "W",
-    "k": "K", "v": "V", "m2": "m2",
-}  # fmt: skip
-"""How a name ends, and the unit that says; the longest ending counts."""
-
-_ENDING: Final = re.compile("(?:^|_)(" + "|".join(sorted(_UNITS, key=len, reverse=True)) + ")$")
-_MEANING: Final = re.compile(r"^([a-z]\w*(?:, [a-z]\w*)*): ")
-_KINDS: Final = {
-    bool: "boolean",
-    int: "whole number",
-    float: "number",
-    tuple: "list",
-    dict: "table",
-}
-_ENDS: Final = {
-    "ge": "ge", "gt": "gt", "le": "le", "lt": "lt", "min_length": "ge", "max_length": "le",
-}  # fmt: skip
-NONE: Final = "none"
-"""What is given for a parameter to leave it open."""
-
-
-class Parameter(NamedTuple):
-    """One leaf of the configuration.
-
-    kind: number, whole number, boolean, choice, text, list or table
-    low, high: ends of the range, of a list that of its length, None where it is open; `outside`
-        tells which of them do not belong to it
-    default: None where it is open, or there is none because it is `required`
-    live: whether a running engine takes a change of it
-    """
-
-    key: str
-    kind: str
-    unit: str
-    low: float | None
-    high: float | None
-    outside: tuple[bool, bool]
-    choices: tuple[str, ...]
-    pattern: str
-    default: Any
-    optional: bool
-    required: bool
-    live: bool
-    meaning: str
-
-    @property
-    def side(self) -> str:
-        """Whose it is: plant, controller, or both."""
-        head = self.key.partition(".")[0]
-        return head if head in ("plant", "controller") else "both"
-
-    @property
-    def accepted(self) -> str:
-        """What is accepted, in words; empty where anything of its kind is."""
-        if self.choices:
-            return ", ".join(self.choices)
-        if self.pattern:
-            return self.pattern
-        if self.kind == "list":
-            return "" if self.high is None else f"{self.low or 0:g} to {self.high:g} of them"
-        if self.low is not None and self.low == self.high:
-            return f"{self.low:g}"
-        words = ("from", "above"), ("to", "below")
-        ends = zip((self.low, self.high), self.outside, words, strict=True)
-        return " ".join(f"{word[out]} {end:g}" for end, out, word in ends if end is not None)
-
-    def checked(self, value: object) -> Value:
-        """Return a value as the configuration holds it.
-
-        Raises: ConfigError naming key, value and what is accepted
-        """
-        if self.optional and value in (None, NONE):
-            return None
-        if not self._fits(value):
-            more = f", or {NONE}" if self.optional else ""
-            what = f"{self.accepted or f'a {self.kind}'}{more}"
-            raise ConfigError(f"{self.key} = {shown(value)}; accepted: {what}")
-        return float(value) if self.kind == "number" else value  # type: ignore[return-value, arg-type]
-
-    def _fits(self, value: object) -> bool:
-        if self.kind == "boolean" or isinstance(value, bool):
-            return self.kind == "boolean" and isinstance(value, bool)
-        if self.kind in ("number", "whole number"):
-            whole = isinstance(value, int) or self.kind == "number"
-            return whole and isinstance(value, int | float) and self._is_within(value)
-        if not isinstance(value, str):
-            return False
-        fits = not self.pattern or re.search(self.pattern, value) is not None
-        return fits and (not self.choices or value in self.choices)
-
-    def _is_within(self, value: float) -> bool:
-        low, high = self.low, self.high
-        above = low is None or (value > low if self.outside[0] else value >= low)
-        below = high is None or (value < high if self.outside[1] else value <= high)
-        return above and below and value - value == 0.0
-
-    def table(self) -> dict[str, object]:
-        """Return it as JSON tells it."""
-        told = self._asdict() | {"side": self.side, "accepted": self.accepted}
-        return {name: value for name, value in told.items() if name != "outside"}
+_ConfigT = TypeVar("_ConfigT", bound=Section)
 
 
 @cache
@@ -134,7 +29,7 @@ def parameters() -> Mapping[str, Parameter]:
 
 
 @cache
-def live(side: Literal["plant", "controller"]) -> Mapping[str, Parameter]:
+def live(side: str) -> Mapping[str, Parameter]:
     """Return those of a side that a running engine takes a change of."""
     return {key: p for key, p in parameters().items() if p.live and p.side == side}
 
@@ -168,128 +63,37 @@ def parameter_of(key: str) -> Parameter:
     return found
 
 
+def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
+    """Return the configuration of a side with other values, checked whole.
+
+    Raises: ConfigError naming the first key that is none, does not change while the engine runs, or
+        has a value that is not accepted; or saying why the whole is not
+    """
+    tree: dict[str, Any] = dict(config.__dict__)
+    for key, value in changes.items():
+        parameter = parameter_of(key)
+        if not parameter.live:
+            raise ConfigError(f"{key}: acts at the start of a run only (`hil parameters --live`)")
+        section: Any = config
+        node = tree
+        *path, last = key.split(".")[1:]
+        for part in path:
+            section = getattr(section, part)
+            if not isinstance(node[part], dict):
+                node[part] = dict(section.__dict__)
+            node = node[part]
+        node[last] = parameter.checked(value)
+    try:
+        return type(config).model_validate(tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ConfigError(f"{where}: {first['msg'].removeprefix('Value error, ')}") from None
+
+
 def value_of(config: Section, key: str) -> Any:  # noqa: ANN401
     """Return the value of a key in a section, which may be the whole scenario."""
     found: Any = config
     for part in key.split("."):
         found = getattr(found, part)
     return found
-
-
-def sections(section: type[Section], prefix: str = "") -> Iterator[tuple[str, type[Section]]]:
-    """Yield (prefix of the keys, section) of a section and of those in it."""
-    yield prefix, section
-    for name, info in section.model_fields.items():
-        inner, _ = _given(info)
-        if _is_section(inner):
-            yield from sections(inner, f"{prefix}{name}.")
-
-
-def leaves(section: type[Section], prefix: str = "") -> Iterator[Parameter]:
-    """Yield the parameters of a section and of those in it."""
-    for inner_prefix, inner in sections(section, prefix):
-        yield from own_leaves(inner, inner_prefix)
-
-
-def own_leaves(section: type[Section], prefix: str = "") -> Iterator[Parameter]:
-    """Yield the parameters of one section alone."""
-    _, meanings = read_docstring(section.__doc__ or "")
-    for name, info in section.model_fields.items():
-        kind, constraints = _given(info)
-        if not _is_section(kind):
-            meaning = info.description or meanings.get(name, "")
-            yield _leaf(f"{prefix}{name}", kind, constraints, info, section, meaning)
-
-
-def _leaf(
-    key: str, kind: Any, constraints: list[Any], info: FieldInfo, section: type[Section],  # noqa: ANN401
-    meaning: str,
-) -> Parameter:  # fmt: skip
-    said = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
-    told = _told(constraints)
-    choices = tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else told.choices
-    name = "choice" if choices else _KINDS.get(get_origin(kind) or kind, "text")
-    ending = _ENDING.search(key.rpartition(".")[2])
-    is_number = name in ("number", "whole number")
-    unit = _UNITS[ending[1]] if ending else section.unit if is_number else ""
-    default = info.get_default(call_default_factory=True) if not info.is_required() else None
-    return Parameter(
-        key, name, unit, told.low, told.high, told.outside, choices,
-        told.pattern, default, _is_optional(info.annotation), info.is_required(),
-        bool(said.get("live", section.live)), " ".join(meaning.split()),
-    )  # fmt: skip
-
-
-class _Told(NamedTuple):
-    """What the constraints of a field say."""
-
-    low: float | None
-    high: float | None
-    outside: tuple[bool, bool]
-    choices: tuple[str, ...]
-    pattern: str
-
-
-def _told(constraints: list[Any]) -> _Told:
-    ends: dict[str, float] = {}
-    choices: tuple[str, ...] = ()
-    pattern = ""
-    for constraint in constraints:
-        if isinstance(constraint, OneOf):
-            choices = constraint.names
-        for name, end in _ENDS.items():
-            if getattr(constraint, name, None) is not None:
-                ends[end] = getattr(constraint, name)
-        pattern = getattr(constraint, "pattern", None) or pattern
-    low, high = ends.get("ge", ends.get("gt")), ends.get("le", ends.get("lt"))
-    return _Told(low, high, ("gt" in ends, "lt" in ends), choices, pattern)
-
-
-def _given(info: FieldInfo) -> tuple[Any, list[Any]]:
-    """Return the kind of a value that is given, and all its constraints."""
-    return _unwrapped(info.annotation, list(info.metadata))
-
-
-def _unwrapped(annotation: Any, constraints: list[Any]) -> tuple[Any, list[Any]]:  # noqa: ANN401
-    if get_origin(annotation) is Annotated:
-        inner, *metadata = get_args(annotation)
-        for one in metadata:
-            constraints += one.metadata if isinstance(one, FieldInfo) else [one]
-        return _unwrapped(inner, constraints)
-    if get_origin(annotation) in (Union, types.UnionType):
-        others = [kind for kind in get_args(annotation) if kind is not type(None)]
-        if len(others) == 1:
-            return _unwrapped(others[0], constraints)
-    return annotation, constraints
-
-
-def _is_optional(annotation: Any) -> bool:  # noqa: ANN401
-    return type(None) in get_args(annotation)
-
-
-def _is_section(kind: Any) -> bool:  # noqa: ANN401
-    return isinstance(kind, type) and issubclass(kind, Section)
-
-
-def read_docstring(text: str) -> tuple[str, dict[str, str]]:
-    """Part a section's docstring into what it is for, and what its keys mean."""
-    told: list[str] = []
-    meanings: dict[str, str] = {}
-    names: list[str] = []
-    for line in filter(None, map(str.rstrip, _dedented(text).splitlines())):
-        found = _MEANING.match(line)
-        if found:
-            names = found[1].split(", ")
-            meanings |= dict.fromkeys(names, line[found.end() :])
-        elif names and line.startswith(" "):
-            meanings |= {name: f"{meanings[name]} {line.strip()}" for name in names}
-        else:
-            names = []
-            told.append(line)
-    return "\n".join(told), meanings
-
-
-def _dedented(text: str) -> str:
-    from inspect import cleandoc  # noqa: PLC0415 - it is slow to import, and a loop needs none
-
-    return cleandoc(text)

@@ -7,6 +7,7 @@ from typing import Final, get_type_hints
 
 from hil.wire import commands, status
 from hil.wire.answers import MAX_WAITING, CommandAnswer
+from hil.wire.changes import MOST_VALUES
 from hil.wire.commands import Declaration
 from hil.wire.quantities import Field
 
@@ -30,6 +31,18 @@ is for `hil set`, `hil start` and `hil stop`. Of the commands that wait, one is 
 ticks; more than {waiting} are refused with that reason. Whatever comes on `hil/ENGINE/stop`, put or
 asked, is a stop, and comes before everything that waits.
 """
+_PARAMETERS: Final = """### Parameters: `set`, `check`, `get`
+
+`{{"kind": "set", "controller.cascade.outer.kp": 41.0, "plant.sensors.noise_x_m": 1e-5}}` changes
+parameters while the engine runs, by the keys that a scenario has. Each process takes those that are
+its own, all of them or none: they are checked as a whole, put in force at the start of the next
+tick, and logged with all digits as an event `parameters`. `at_tick` puts that off to a later tick,
+so that both processes change in the same one; `check` in the place of `set` changes nothing.
+`{{"kind": "get", "keys": "controller.cascade.*"}}` is answered with the values in force, at most
+{page} of them, in the order of their keys; `after` names the key behind which the next page begins.
+What may change and what is accepted: `hil parameters --live`.
+
+"""
 _ANSWER: Final = """## Answer
 
 | field | value | meaning |
@@ -48,6 +61,7 @@ def text() -> str:
     at = f"{commands.AT_S.accepted} s"
     head = _HEAD.format(most=commands.MAX_BYTES, at=at, waiting=MAX_WAITING)
     lines = [head, *(line for declared in commands.DECLARED for line in _command(declared))]
+    lines += [_PARAMETERS.format(page=MOST_VALUES)]
     lines += [_ANSWER + "\n".join(_answer()), "", _STATUS]
     for process in status.DECLARED:
         lines += _status(process)
@@ -84,7 +98,10 @@ def _answer() -> list[str]:
     doc = inspect.getdoc(CommandAnswer) or ""
     kinds = get_type_hints(CommandAnswer)
     rows = (line.split(": ", 1) for line in doc.splitlines() if ": " in line)
-    return [f"| `{name}` | {_KINDS[kinds[name]]} | {meaning} |" for name, meaning in rows]
+    return [
+        f"| `{name}` | {_KINDS.get(kinds[name], 'values by key')} | {meaning} |"
+        for name, meaning in rows
+    ]
 
 
 def _status(process: str) -> list[str]:

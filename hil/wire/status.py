@@ -37,6 +37,7 @@ class Shown(NamedTuple):
 Tick = A[int, Shown("tick")]
 RunTimeS = A[float, Shown("time", "s", ".1f")]
 TdcMm = A[float | None, Shown("TDC", "mm", ".3f")]
+Changes = A[int, Shown("parameter changes")]
 Reception = A[Mapping[str, int], Shown("frames")]
 
 
@@ -56,6 +57,7 @@ class ControllerStatus(NamedTuple):
     stale: ticks without a valid sample
     late_samples: samples that came after their tick was answered without them
     implausible_samples: intact samples that were not believed
+    changes: of parameters that have come in force
     reception: what became of the frames, by kind
     """
 
@@ -72,6 +74,7 @@ class ControllerStatus(NamedTuple):
     stale: A[int, Shown("ticks without sample")]
     late_samples: A[int, Shown("late samples")]
     implausible_samples: A[int, Shown("implausible samples")]
+    changes: Changes
     reception: Reception
 
 
@@ -88,6 +91,7 @@ class PlantStatus(NamedTuple):
     used_tick: tick that the newest answer is to
     safe: whether the plant has gone to its safe state by itself
     contacts: contacts with a head
+    changes: of parameters that have come in force
     reception: what became of the frames, by kind
     """
 
@@ -101,6 +105,7 @@ class PlantStatus(NamedTuple):
     used_tick: A[int, Shown("newest answer, to tick")]
     safe: A[bool, Shown("safe state")]
     contacts: A[int, Shown("head contacts")]
+    changes: Changes
     reception: Reception
 
 

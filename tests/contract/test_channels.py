@@ -78,7 +78,7 @@ def test_a_command_is_answered_by_its_addressee_to_the_one_who_asked(bench):
         assert origin.startswith("hil run, process ")
     controller.commands.answer(False, 17, "accepted up to 0.015")
     controller.commands.answer(True, 18, "nobody asked twice")
-    assert answer.result(3.0) == ("controller", False, 17, "accepted up to 0.015")
+    assert answer.result(3.0) == ("controller", False, 17, "accepted up to 0.015", {})
 
 
 def test_what_nobody_answers_is_told(bench):

@@ -12,8 +12,8 @@ from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from bench.studies.tune import CELLS, Cell, gains_in_force, judge
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
+from hil.toml import read_toml
 
 SETTLING_MS = 175.0
 CASCADE_PEAKS_MM = {

@@ -13,9 +13,9 @@ from bench.run import scenarios
 from bench.run.offline import _command_of
 from bench.run.resolve import resolve
 from controller.state import Inputs
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
+from hil.toml import read_toml
 from hil.wire.messages import PistonSample
 from plant.rig.state import Command
 from plant.rig.step import step

@@ -133,7 +133,7 @@ PORTS = {
     "_initial_events",
 }
 TOLD_ONLY = {"_late_max_ns", "_finished", "heard_tick"}  # goes into the status and nowhere else
-CODEC = {"_encoder", "decoder"}
+CODEC = {"_encoder", "decoder", "_changes", "_stimulation"}
 PARTS = {"reception", "answers", "_age"}  # which remember by themselves
 DERIVED = {"_mode", "_machine", "_pulses", "_command", "_answer"}  # of the last orders, once more
 CONSTANT = {

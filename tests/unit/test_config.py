@@ -8,11 +8,11 @@ import pytest
 
 from bench.run.resolve import resolve
 from drivers.system.process import read_arguments
-from hil.config.base import read_toml
-from hil.config.load import build, load, parse_assignment, read_scenario, with_override
+from hil.config.load import build, load, read_scenario, with_override
 from hil.config.resolved import Resolved, read_resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.toml import parse_assignment, read_toml
 
 SCENARIO = """
 name = "example"
@@ -357,7 +357,7 @@ def test_an_override_with_too_many_digits_is_refused():
 def test_an_engine_that_cannot_be_read_is_one_line_of_a_process(module, tmp_path):
     """The figures are read while the modules are imported, before any command has begun."""
     code = (
-        "import sys, pathlib, hil.config.base as base, hil.errors as errors\n"
+        "import sys, pathlib, hil.toml as base, hil.errors as errors\n"
         "def broken(path): raise errors.ConfigError(f'{path}: not a TOML file')\n"
         "base.read_toml = broken\n"
         f"import {module}\n"

@@ -11,11 +11,11 @@ from bench.studies import tune
 from bench.studies.bound import step_bound
 from controller.motion.choice import make_laws, refusal
 from controller.motion.laws import LAWS
-from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
 from hil.errors import ConfigError
+from hil.toml import read_toml
 from plant.engines.fast.constants import constants_of
 
 REF, LOAD = 0.0155, 810.0

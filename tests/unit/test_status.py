@@ -1,14 +1,13 @@
-"""`hil status`, `set`, `start` and `stop` over a view of a pair that a test plays."""
+"""`hil status` over a view of a pair that a test plays."""
 
 import json
 
 import pytest
 
 from bench.live import status
-from bench.live.status import commands_of, gather, order, rows, set_points, show, watch
+from bench.live.status import gather, rows, show, watch
 from hil.config.load import build
-from hil.errors import BlockedError, ConfigError, LinkError
-from hil.wire.answers import CommandAnswer
+from hil.errors import ConfigError, LinkError
 
 PLANT = {
     "tick": 3300, "t_s": 3.3, "tdc_mm": 15.501, "late_us": 2, "late_max_us": 81, "missed": 1,
@@ -21,10 +20,10 @@ CONTROLLER = {
 
 
 class Pair:
-    """A running pair that takes its commands, unless it has a reason to refuse them."""
+    """A running pair."""
 
-    def __init__(self, ignores="", rounds=20):
-        self.taken, self.closed, self.ignores = [], False, ignores
+    def __init__(self, rounds=20):
+        self.closed = False
         self.controller = dict(CONTROLLER)
         self._told = [("plant", PLANT), ("controller", None)] * rounds
         self._polls = 0
@@ -38,12 +37,6 @@ class Pair:
             return None
         process, told = self._told.pop(0)
         return process, told or dict(self.controller)
-
-    def ask(self, command, to, timeout_s):
-        if self.ignores:
-            return CommandAnswer(to, False, 3310, self.ignores)
-        self.taken.append(dict(command))
-        return CommandAnswer(to, True, 3310, "mode generating, set point 15.200 mm")
 
     def close(self):
         self.closed = True
@@ -77,9 +70,7 @@ def test_the_newest_of_both_is_shown_side_by_side():
 def test_nobody_there_is_an_error_in_one_line(joined):
     pair = joined(Nobody())
     with pytest.raises(LinkError, match="no plant and no controller told their status"):
-        gather(pair, 0.05)
-    with pytest.raises(LinkError, match="no controller takes commands"):
-        order("stop", None)
+        show(None, as_json=True)
     assert pair.closed
 
 
@@ -106,51 +97,6 @@ def test_watching_goes_on_until_nobody_is_there(joined, capsys):
     assert {line["process"] for line in lines} <= {"plant", "controller"}
     joined(Pair(rounds=5))
     assert watch(None, as_json=False) == 0
-
-
-def test_a_set_point_is_sent_and_seen_to_be_taken(joined, capsys):
-    pair = joined(Pair())
-    assert set_points(["tdc_ref_m=0.0152"], None) == 0
-    assert pair.taken == [{"kind": "set-point", "tdc_ref_m": 0.0152}]
-    line = "controller: mode generating, set point 15.200 mm; taken at tick 3310\n"
-    assert capsys.readouterr().out == line
-
-
-def test_a_command_that_is_not_taken_is_told_with_the_bound(joined):
-    pair = joined(Pair(ignores="tdc_ref_m=0.0152 from hil: accepted up to 0.015"))
-    line = r"^controller refused set-point: tdc_ref_m=0\.0152 from hil: accepted up to 0\.015$"
-    with pytest.raises(BlockedError, match=line):
-        set_points(["tdc_ref_m=0.0152"], None)
-    assert pair.closed
-
-
-def test_start_and_stop_are_sent(joined):
-    pair = joined(Pair())
-    order("stop", None)
-    assert pair.taken == [{"kind": "stop"}]
-
-
-def test_set_points_and_the_law_are_commands_of_their_own():
-    given = ["tdc_ref_m=0.015", "target_power_w=900", "law=single-loop"]
-    assert [command.table() for command in commands_of(given)] == [
-        {"kind": "set-point", "tdc_ref_m": 0.015, "target_power_w": 900},
-        {"kind": "law", "law": "single-loop"},
-    ]
-
-
-@pytest.mark.parametrize(
-    ("given", "text"),
-    [
-        ([], "nothing to set; accepted: tdc_ref_m"),
-        (["gain=3"], "gain: unknown; accepted: tdc_ref_m"),
-        (["tdc_ref_m=0.2"], r"tdc_ref_m = 0.2; accepted: 0.001 to 0.05"),
-        (["tdc_ref_m=high"], "tdc_ref_m = 'high'"),
-        (["law=best"], "law = 'best': accepted: cascade"),
-    ],
-)
-def test_what_the_controller_would_refuse_is_refused_here(given, text):
-    with pytest.raises(ConfigError, match=text):
-        commands_of(given)
 
 
 def test_a_run_in_memory_cannot_be_asked(tmp_path):

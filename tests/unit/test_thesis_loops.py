@@ -12,10 +12,10 @@ from controller.motion.balance import EVEN, Balance
 from controller.motion.laws import LAWS
 from controller.motion.ordered import Ordered
 from controller.motion.pid import Loop, pid_step
-from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig, Gains
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
+from hil.toml import read_toml
 
 LOOPS = ["cascade", "single-loop"]
 LINEAR = ["harmonic", "rectangular"]

@@ -10,9 +10,9 @@ from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from controller.timing.budget import budget_of
 from hil import compiled
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.errors import ConfigError
+from hil.toml import read_toml
 
 RATES = (500, 1000, 2000, 5000)
 

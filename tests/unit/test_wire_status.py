@@ -12,11 +12,12 @@ from hil.wire.status import ControllerStatus, PlantStatus
 CONTROLLER = ControllerStatus(
     mode="generating", t_s=3.3, tick=3300, tdc_mm=15.501, tdc_ref_mm=15.5, fuel_mg=2.818,
     speed_hz=19.94, power_w=1527.0, power_ref_w=None,
-    load_n_s_m=810.0, stale=0, late_samples=1, implausible_samples=0, reception={"ok": 9271},
+    load_n_s_m=810.0, stale=0, late_samples=1, implausible_samples=0, changes=0,
+    reception={"ok": 9271},
 )  # fmt: skip
 PLANT = PlantStatus(
     t_s=3.3, tick=3300, tdc_mm=15.501, late_us=2, late_max_us=81, missed=1, answered=3225,
-    used_tick=3299, safe=False, contacts=0, reception={"ok": 6576, "lost": 2},
+    used_tick=3299, safe=False, contacts=0, changes=2, reception={"ok": 6576, "lost": 2},
 )  # fmt: skip
 
 
@@ -38,7 +39,7 @@ def test_how_a_figure_is_shown():
     assert shown == {
         "t_s": "3.3 s", "tick": "3300", "tdc_mm": "15.501 mm", "late_us": "2 µs",
         "late_max_us": "81 µs", "missed": "1", "answered": "3225", "used_tick": "3299",
-        "safe": "no", "contacts": "0",
+        "safe": "no", "contacts": "0", "changes": "2",
     }  # fmt: skip
 
 

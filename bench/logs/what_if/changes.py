@@ -6,25 +6,29 @@ from typing import Any, NamedTuple
 
 import plant.build
 from hil.config.check import check
-from hil.config.load import parse_assignment, with_override
+from hil.config.load import with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.names.parameters import parameters
+from hil.toml import parse_assignment
 from hil.wire.commands import BY_PARAMETER
 from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
 
-_SETTLED = (
-    "controller.running", "controller.preset", "controller.supervisory", "plant.prototype",
-)  # fmt: skip
+_SETTLED = ("controller.running", "controller.preset", "plant.prototype")
 _ACCEPTED = ("controller.", "plant.", "events.", "run.duration_s", "run.seed")
 
 
 class Changed(NamedTuple):
-    """The configuration to go on with; `told` is what the logs say of the changes."""
+    """The configuration to go on with; `told` is what the logs say of the changes.
+
+    live: parameters that change at the tick from which the run is continued, as an operator's do
+    """
 
     scenario: Resolved
     plant_params: PlantParams
     told: dict[str, str]
+    live: dict[str, object]
     notes: tuple[str, ...]
 
 
@@ -42,12 +46,15 @@ def changed(
     tree: dict[str, Any] = scenario.model_dump()
     tree["loop"]["clock"], tree["link"]["kind"] = "lockstep", "memory"
     told: dict[str, str] = {}
+    live: dict[str, object] = {}
     for text in assignments:
         key, value = parse_assignment(text)
         _check(key, scenario)
         told[key] = str(value)
         if key in BY_PARAMETER:
             _add_command(tree, key, value, tick * scenario.loop.period_ns * 1e-9)
+        elif key in parameters() and parameters()[key].live:
+            live[key] = parameters()[key].checked(value)
         else:
             tree = with_override(tree, key, value)
     if duration_s is not None:
@@ -58,7 +65,7 @@ def changed(
     if new.ticks <= tick:
         ends = new.run.duration_s
         raise ConfigError(f"run.duration_s = {ends:g}: the run ends before it is continued")
-    return Changed(new, params, told, _notes(told))
+    return Changed(new, params, told, live, _notes(told))
 
 
 def _check(key: str, scenario: Resolved) -> None:

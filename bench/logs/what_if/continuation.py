@@ -242,6 +242,10 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
     controller_end.link.send(resumed.in_flight)
     offline.join(plant_end.link, controller_end.link, controller_loop)
+    for loop, side in ((plant_loop, "plant."), (controller_loop, "controller.")):
+        own = {key: value for key, value in wanted.live.items() if key.startswith(side)}
+        if own:
+            loop.plan(resumed.tick, own, "what-if")
     t_ns = resumed.tick * scenario.loop.period_ns
     for name, memory in (
         ("plant", plant_loop.remember()),

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from bench.studies.atlas.entry import Finding
 from bench.studies.atlas.facts import Fact
-from hil.config.base import Tree, read_toml
+from hil.toml import Tree, read_toml
 
 FILE: Final = Path(__file__).with_name("criteria.toml")
 PASS, DEVIATES, NOT_REPRODUCIBLE = "pass", "deviates", "not reproducible"

@@ -13,9 +13,9 @@ from bench.studies.atlas.entry import Finding
 from bench.studies.atlas.facts import Fact, in_unit
 from bench.studies.engine.operation import PART_LOADS
 from bench.studies.engine.sweep import DEGREES, STARTING_FORCES_N
-from hil.config.base import read_toml
 from hil.config.detailed import read
 from hil.config.prototypes import PROTOTYPES
+from hil.toml import read_toml
 
 Read = Callable[[], float]
 

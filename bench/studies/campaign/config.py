@@ -14,7 +14,7 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.choice import check_name
 from hil import compiled
-from hil.config.base import OneOf, Section, Tree, read_toml
+from hil.config.base import OneOf, Section
 from hil.config.check import check
 from hil.config.controller import LawName
 from hil.config.load import build, with_override
@@ -22,6 +22,7 @@ from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.toml import Tree, read_toml
 
 PACKAGED = compiled.root() / "bench" / "campaigns"
 

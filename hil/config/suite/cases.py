@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from hil.config.base import Tree, parse_toml, read_toml
 from hil.errors import ConfigError
 from hil.files import read_regular
+from hil.toml import Tree, parse_toml, read_toml
 
 KEYS: Final = ("include", "cases", "vary", "table", "seeds")
 """Keys at the top of a scenario file that make scenarios; none of them is in a scenario."""

@@ -7,9 +7,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
-from hil.config.base import Section, Tree
+from hil.config.base import Section
 from hil.config.events import Event
 from hil.event_codes import MEANINGS
+from hil.toml import Tree
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 Duration = Annotated[float, Field(gt=0.0, le=1e6)]

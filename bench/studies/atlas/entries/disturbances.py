@@ -11,9 +11,9 @@ from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.studies.atlas.entry import Entry, Finding, Found
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
+from hil.toml import read_toml
 
 LEFT = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
 """Shares of the load that are left after a misfire."""

@@ -18,6 +18,9 @@ from typing import Final
 from hil.errors import ConfigError
 
 _PREFIX: Final = "hil-run-"
+_POINTER: Final = "run"
+"""File beside the sockets that names the directory of the run."""
+
 _MAX_SOCKET_PATH: Final = 107  # sun_path of a unix socket, without its closing zero
 
 
@@ -44,6 +47,27 @@ def socket_directory() -> Iterator[Path]:
         shutil.rmtree(directory, ignore_errors=True)
         if lock is not None:
             os.close(lock)
+
+
+def point_to(run: Path, endpoint: str) -> None:
+    """Let who looks for a run by its sockets find its directory."""
+    sockets = Path(endpoint.partition("/")[2]).parent
+    if sockets.name.startswith(_PREFIX):
+        (sockets / _POINTER).write_text(str(run.resolve()), encoding="utf-8")
+
+
+def running() -> list[Path]:
+    """Return the directories of the runs of this user that are under way."""
+    found = []
+    for sockets in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
+        lock = _locked(sockets)
+        if lock is not None:  # nobody's any more
+            os.close(lock)
+            continue
+        with contextlib.suppress(OSError):
+            if sockets.stat().st_uid == os.getuid():
+                found.append(Path((sockets / _POINTER).read_text(encoding="utf-8")))
+    return found
 
 
 def sweep(base: Path) -> None:
