@@ -29,6 +29,19 @@ def panel(
     raise typer.Exit(command.run(run, port, browser=not no_browser))
 
 
+def view(
+    directory: Annotated[Path, typer.Argument(metavar="RUN", help="Directory of a finished run.")],
+    *,
+    port: PortOption = 0,
+    no_browser: BrowserOption = False,
+) -> None:
+    """Look at the report of a run with its logs behind it: a zoom shows every sample."""
+    from bench.panel import view as work
+
+    raise typer.Exit(work.run(directory, port, browser=not no_browser))
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     app.command()(panel)
+    app.command()(view)

@@ -62,9 +62,13 @@ def serve(subject: Subject, listener: socket.socket, token: str) -> None:
 
     Raises: ConfigError, LinkError when the engine cannot be joined
     """
+    run_until_interrupted(Guard(application(subject), token, listener.getsockname()[1]), listener)
+
+
+def run_until_interrupted(guarded: Guard, listener: socket.socket) -> None:
+    """Serve an application on a socket that is bound."""
     import uvicorn
 
-    guarded = Guard(application(subject), token, listener.getsockname()[1])
     config = uvicorn.Config(
         guarded, log_level="error", access_log=False, loop="uvloop", ws="websockets-sansio",
         ws_max_size=_MOST_ASKED, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
