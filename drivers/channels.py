@@ -36,7 +36,7 @@ def is_stop(raw: bytes) -> bool:
         command = commands.parse(raw, "")
     except ConfigError:
         return False
-    return command is not None and command.kind == "stop"
+    return command is not None and command.kind in commands.STOPS
 
 
 class MemoryCommands(CommandSource):

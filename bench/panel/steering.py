@@ -11,8 +11,8 @@ from typing import Any, Final, Protocol
 
 from hil.errors import HilError, LinkError
 from hil.wire.answers import CommandAnswer
-from hil.wire.commands import BY_KIND, DECLARED, read
-from hil.wire.quantities import Choice, Name
+from hil.wire.commands import DECLARED, STOPS, read
+from hil.wire.quantities import Choice, Number
 
 Answer = dict[str, Any]
 Values = Mapping[str, Any]
@@ -141,14 +141,11 @@ def _field(field: Any) -> dict[str, Any]:  # noqa: ANN401
     }
     if isinstance(field, Choice):
         told["choices"] = list(field.names)
-    elif not isinstance(field, Name):
+    elif isinstance(field, Number):
         told |= {"low": field.low, "high": field.high, "whole": field.whole}
     return told
 
 
 def is_urgent(table: Mapping[str, object]) -> bool:
     """Whether a command is one that everybody may give: what ends the motion."""
-    return table.get("kind") in _URGENT
-
-
-_URGENT: Final = frozenset({"stop", "emergency-stop"} & BY_KIND.keys())
+    return table.get("kind") in STOPS

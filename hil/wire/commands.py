@@ -61,6 +61,12 @@ LAW: Final = Name(
 )
 
 
+_LINE: Final = Name(
+    "text", "what it says", pattern=r"^[^\x00-\x1f\x7f-\x9f]{1,80}$",
+    form="a line of 1 to 80 characters",
+)  # fmt: skip
+
+
 def _says_something(fields: Mapping[str, Scalar]) -> str:
     given = TDC_REF_M.name in fields or TARGET_POWER_W.name in fields
     return "" if given else "a set-point needs tdc_ref_m or target_power_w"
@@ -81,6 +87,11 @@ DECLARED: Final = (
     Declaration(
         "law", CONTROLLER, "let another law go on from here",
         (LAW,),
+    ),
+    Declaration("emergency-stop", CONTROLLER, "go to the safe state at once, and stay there"),
+    Declaration(
+        "mark", CONTROLLER, "put a mark into the log",
+        (_LINE,),
     ),
     Declaration(
         "load-scale", PLANT, "the load in force is a multiple of the commanded one",
@@ -112,6 +123,9 @@ DECLARED: Final = (
         ),
     ),
 )  # fmt: skip
+STOPS: Final = frozenset({"stop", "emergency-stop"})
+"""What ends the motion: no queue is before it, and everybody may give it."""
+
 BY_KIND: Final = {declared.kind: declared for declared in DECLARED}
 
 BY_PARAMETER: Final = {
