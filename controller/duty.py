@@ -16,7 +16,8 @@ from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
 from hil.errors import ConfigError
 from hil.ports import CommandSource
-from hil.wire.commands import STOPS, OperatorCommand, parse, write
+from hil.wire.answers import STOPS
+from hil.wire.commands import OperatorCommand, parse, write
 
 RUNNING = (Mode.MOTORING, Mode.GENERATING)
 RESUME_TRIES = 20

@@ -36,7 +36,7 @@ def is_stop(raw: bytes) -> bool:
         command = commands.parse(raw, "")
     except ConfigError:
         return False
-    return command is not None and command.kind in commands.STOPS
+    return command is not None and command.kind in STOPS
 
 
 class MemoryCommands(CommandSource):

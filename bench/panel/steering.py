@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
 from hil.errors import HilError, LinkError
-from hil.wire.answers import CommandAnswer
-from hil.wire.commands import DECLARED, STOPS, read
+from hil.wire.answers import STOPS, CommandAnswer
+from hil.wire.commands import DECLARED, read
 from hil.wire.quantities import Choice, Number
 
 Answer = dict[str, Any]

@@ -16,8 +16,8 @@ from bench.panel import server
 from bench.panel.access import Guard, new_token
 from bench.panel.signals import Source, columns, thinned
 from bench.panel.viewers import grouped
+from bench.report.curves.lines import pulse_lanes, read_pulses
 from bench.report.document import document
-from bench.report.lines import pulse_lanes, read_pulses
 from bench.run import directory as outdir
 from bench.run.directory import RunFiles
 from bench.web.columns import TIME_STEP_S, Columns

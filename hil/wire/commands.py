@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
+from hil.wire import quantities
 from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
 CONTROLLER, PLANT = "controller", "plant"
@@ -61,12 +62,6 @@ LAW: Final = Name(
 )
 
 
-_LINE: Final = Name(
-    "text", "what it says", pattern=r"^[^\x00-\x1f\x7f-\x9f]{1,80}$",
-    form="a line of 1 to 80 characters",
-)  # fmt: skip
-
-
 def _says_something(fields: Mapping[str, Scalar]) -> str:
     given = TDC_REF_M.name in fields or TARGET_POWER_W.name in fields
     return "" if given else "a set-point needs tdc_ref_m or target_power_w"
@@ -84,15 +79,9 @@ DECLARED: Final = (
         "set-point", CONTROLLER, "change set points, one or both", (TDC_REF_M, TARGET_POWER_W),
         _says_something,
     ),
-    Declaration(
-        "law", CONTROLLER, "let another law go on from here",
-        (LAW,),
-    ),
+    Declaration("law", CONTROLLER, "let another law go on from here", (LAW,)),
     Declaration("emergency-stop", CONTROLLER, "go to the safe state at once, and stay there"),
-    Declaration(
-        "mark", CONTROLLER, "put a mark into the log",
-        (_LINE,),
-    ),
+    Declaration("mark", CONTROLLER, "put a mark into the log", (quantities.LINE,)),
     Declaration(
         "load-scale", PLANT, "the load in force is a multiple of the commanded one",
         (Number("value", "1", 0.0, 10.0, "factor"), _FRACTION, _UNTIL_S),
@@ -123,9 +112,6 @@ DECLARED: Final = (
         ),
     ),
 )  # fmt: skip
-STOPS: Final = frozenset({"stop", "emergency-stop"})
-"""What ends the motion: no queue is before it, and everybody may give it."""
-
 BY_KIND: Final = {declared.kind: declared for declared in DECLARED}
 
 BY_PARAMETER: Final = {

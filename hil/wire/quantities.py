@@ -102,6 +102,11 @@ class Name(NamedTuple):
         return value
 
 
+LINE: Final = Name(
+    "text", "what it says", pattern=r"^[^\x00-\x1f\x7f-\x9f]{1,80}$",
+    form="a line of 1 to 80 characters",
+)  # fmt: skip
+
 Field = Number | Choice | Name
 
 
