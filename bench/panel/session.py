@@ -20,6 +20,7 @@ from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
 from hil.config.resolved import Resolved
 from hil.names import parameters
+from hil.names.parameters import Parameter
 from hil.wire.busload import BITS_MAX
 
 _LOOK_S: Final = 0.02
@@ -75,7 +76,7 @@ class Session:
             "engine": _facts(self.subject),
             "signals": signals.listed(),
             "commands": steering.offered(),
-            "parameters": [p.table() for p in parameters.parameters().values() if p.live],
+            "parameters": [p.table() for p in _live()],
             "steerable": self.steering.is_possible,
         })  # fmt: skip
         viewer.tell(self._values())
@@ -168,10 +169,17 @@ def opened(subject: Subject) -> Session:
 
     Raises: ConfigError, LinkError when its session does not open
     """
-    operator = None
+    operator, scenario = None, subject.scenario
+    begun = {p.key: parameters.value_of(scenario, p.key) for p in _live()}
     if subject.scenario.link.kind != "memory":
         operator = open_operator(subject.scenario.link, subject.scenario.loop, "hil panel")
-    return Session(subject, operator, Steering(operator, tuning.set_values, tuning.get_values))
+    return Session(
+        subject, operator, Steering(operator, tuning.set_values, tuning.get_values, begun)
+    )
+
+
+def _live() -> list[Parameter]:
+    return [p for p in parameters.parameters().values() if p.live]
 
 
 def _facts(subject: Subject) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from hil.errors import HilError, LinkError
@@ -39,12 +40,13 @@ class Steering:
     """
 
     def __init__(
-        self, operator: Operator | None, set_values: SetParameters, get_values: GetParameters
-    ) -> None:
+        self, operator: Operator | None, set_values: SetParameters, get_values: GetParameters,
+        values: Values = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         self._operator = operator
         self._set, self._get = set_values, get_values
         self._turn = asyncio.Lock()
-        self.values: dict[str, Any] = {}
+        self.values: dict[str, Any] = dict(values)
         self.undoable: list[dict[str, Any]] = []
 
     @property
@@ -84,7 +86,8 @@ class Steering:
                 found = await asyncio.to_thread(self._get, self._operator, PATIENCE_S)
         except HilError:
             return False
-        is_new, self.values = found != self.values, found
+        is_new = any(self.values.get(key) != value for key, value in found.items())
+        self.values |= found
         return is_new
 
     async def _asked(self, ask: Callable[[Operator], Answer]) -> Answer:

@@ -16,7 +16,11 @@ const Panel = (() => {
   class Track {
     constructor(members) { this.members = members; this.capacity = 4096; this.n = 0; this.columns = this.room(4096); }
     room(size) { return Array.from({ length: 1 + this.members.length }, () => new Float64Array(size)); }
+    /* Take in what is later than all there is: a window may have brought some of it already. */
     append(columns, n) {
+      const seen = this.n ? Plots.place(columns[0], this.columns[0][this.n - 1] + 1e-9) : 0;
+      if (seen) { columns = columns.map(column => column.subarray(seen)); n -= seen; }
+      if (n <= 0) return;
       if (this.n + n > this.capacity) this.make(n);
       columns.forEach((column, i) => this.columns[i].set(column, this.n));
       this.n += n;
