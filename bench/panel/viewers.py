@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import struct
 from collections import deque
@@ -48,10 +49,12 @@ class Viewer:
         self._groups: dict[str, list[tuple[str, Source]]] = {}
         self._told: dict[str, int] = {}
         self._words: deque[Message] = deque(maxlen=_MOST_WAITING)
+        self._has_words = asyncio.Event()
 
     def tell(self, message: Message) -> None:
-        """Have something said with the next frame."""
+        """Have something said at once; samples wait for the next frame."""
         self._words.append(message)
+        self._has_words.set()
 
     def show(self, names: Iterable[object], memory: Memory) -> None:
         """Choose the signals; what is no signal is left out."""
@@ -63,13 +66,18 @@ class Viewer:
 
         Raises: TimeoutError when it has been too slow
         """
+        clock = asyncio.get_running_loop().time
         while True:
-            while self._words:
-                await self._in_time(self._socket.send_text(_json(self._words.popleft())))
+            due_s = clock() + FRAME_S
             frame = self._frame(memory)
             if frame:
                 await self._in_time(self._socket.send_bytes(frame))
-            await asyncio.sleep(FRAME_S)
+            while (left_s := due_s - clock()) > 0.0:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._has_words.wait(), left_s)
+                self._has_words.clear()
+                while self._words:
+                    await self._in_time(self._socket.send_text(_json(self._words.popleft())))
 
     async def _in_time(self, sending: Any) -> None:  # noqa: ANN401
         await asyncio.wait_for(sending, _PATIENCE_S)
