@@ -16,6 +16,7 @@ from controller.loop import ControllerLoop
 from controller.mode.start_restart import Mode
 from hil.errors import ConfigError
 from hil.ports import CommandSource
+from hil.wire.answers import STOPS
 from hil.wire.commands import OperatorCommand, parse, write
 
 RUNNING = (Mode.MOTORING, Mode.GENERATING)
@@ -89,7 +90,7 @@ class DutyCommands(CommandSource):
             return  # the loop refuses it and says so
         if command is None:
             return  # the plant's
-        self.stopped = self.stopped or command.kind == "stop"
+        self.stopped = self.stopped or command.kind in STOPS
 
 
 class Resumption:

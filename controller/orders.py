@@ -34,6 +34,8 @@ def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State,
             state.set_points, command.number("tdc_ref_m"), command.number("target_power_w")
         )
         state = replace(state, set_points=set_points)
+    if command.kind == "mark":
+        return state, (("mark", f"{command.text('text')} (from {command.origin})"),)
     law = command.text("law")
     if law is not None:
         state = with_law(params, state, law)

@@ -9,7 +9,7 @@ from typing import Final
 from hil.errors import ConfigError
 from hil.ports import CommandSource, StatusSink
 from hil.wire import commands, status
-from hil.wire.answers import MAX_WAITING
+from hil.wire.answers import MAX_WAITING, STOPS
 from hil.wire.quantities import printable
 
 MAX_ORIGIN_CHARS: Final = 64
@@ -36,7 +36,7 @@ def is_stop(raw: bytes) -> bool:
         command = commands.parse(raw, "")
     except ConfigError:
         return False
-    return command is not None and command.kind == "stop"
+    return command is not None and command.kind in STOPS
 
 
 class MemoryCommands(CommandSource):

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from bench.cli import bus as bus_cli
-from bench.cli import engine, fmu, measure, operate, studies
+from bench.cli import engine, fmu, measure, operate, panel, studies
 from bench.cli import scenario as scenario_cli
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
@@ -63,6 +63,7 @@ def root(
 SizeOption = typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
 RetainOption = typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
 CanLogOption = typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
+PanelOption = typer.Option(metavar="PORT", help="Serve the panel beside the run; 0: any port.")
 JunitOption = typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
 ScenarioArgument = typer.Argument(
     metavar="SCENARIO", help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE."
@@ -91,6 +92,7 @@ def run(
     log_segment: Annotated[str | None, SizeOption] = None,
     log_retain: Annotated[str | None, RetainOption] = None,
     can_log: Annotated[Path | None, CanLogOption] = None,
+    panel: Annotated[int | None, PanelOption] = None,
     junit: Annotated[Path | None, JunitOption] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
@@ -109,7 +111,7 @@ def run(
         **commands.log_flags(log_segment, log_retain),
     }  # fmt: skip
     changes = commands.overrides(flags, assignments or [])
-    options = commands.RunOptions(out, not no_report, force, can_log)
+    options = commands.RunOptions(out, not no_report, force, can_log, panel)
     if suite.is_suite(scenario, junit=junit, as_json=as_json):
         raise typer.Exit(suite.run(scenario, changes, suite.of(options, junit, as_json=as_json)))
     raise typer.Exit(commands.run(scenario[0], changes, options))
@@ -202,6 +204,7 @@ def compile_modules(
 
 register_logs(app)
 operate.register(app)
+panel.register(app)
 measure.register(app)
 studies.register(app)
 bus_cli.register(app)

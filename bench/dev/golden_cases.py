@@ -95,6 +95,19 @@ _LIVE: Final = (
         (Order(0.06, {"kind": "stop"}), Order(0.25, {"kind": "start"})),
     ),
     Case(
+        "live-emergency", "steady",
+        _short(
+            0.4,
+            ("events.mark", {"kind": "mark", "text": "planned", "at_s": 0.02}),
+            ("events.end", {"kind": "emergency-stop", "at_s": 0.3}),
+        ),
+        (
+            Order(0.06, {"kind": "mark", "text": "on its way"}),
+            Order(0.1, {"kind": "emergency-stop"}),
+            Order(0.2, {"kind": "start"}),
+        ),
+    ),
+    Case(
         "live-faults", "steady", _short(0.5),
         (
             Order(0.05, {"kind": "misfire", "count": 2, "cause": "fuel"}),

@@ -11,8 +11,8 @@ from bench.judge.figures import RunData
 from bench.judge.summary import Summary
 from bench.judge.verdict import VERDICTS
 from bench.report import cylinders, plots_control, plots_motion
+from bench.report.curves.traces import Traces, read_traces
 from bench.report.page import TILES, Tile, small_tile, table
-from bench.report.traces import Traces, read_traces
 from bench.run.directory import RunFiles
 from bench.web.page import Page, controls
 from bench.web.plot import TIME, Plot

@@ -8,6 +8,7 @@ import numpy as np
 
 from bench.judge.figures import RunData
 from bench.judge.response import BAND_MM
+from bench.report.curves.traces import Traces
 from bench.report.style import (
     BAND,
     LEFT,
@@ -20,7 +21,6 @@ from bench.report.style import (
     event_marks,
     mark_events,
 )
-from bench.report.traces import Traces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

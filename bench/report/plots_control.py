@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bench.judge.figures import RunData
 from bench.judge.punctuality import QUANTILES
+from bench.report.curves.traces import Traces
 from bench.report.plots_motion import marks_of
-from bench.report.traces import Traces
 from bench.web.plot import Mark, Plot, Series
 
 _T = "t  [s]"

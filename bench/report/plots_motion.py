@@ -8,10 +8,10 @@ import numpy as np
 
 from bench.judge.figures import RunData, after, main_instant
 from bench.judge.response import BAND_MM
-from bench.report.envelope import Trace
-from bench.report.lines import mode_lane, pulse_lanes
+from bench.report.curves.envelope import Trace
+from bench.report.curves.lines import mode_lane, pulse_lanes
+from bench.report.curves.traces import Traces
 from bench.report.style import event_marks
-from bench.report.traces import Traces
 from bench.web.plot import Lane, Mark, Plot, Series
 
 _T = "t  [s]"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,11 +19,12 @@ from bench.judge.figures import read_run
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
-from bench.run.execution import execute, resolved
+from bench.run.directory import RunFiles
+from bench.run.execution import execute, resolved, write_scenario
 from bench.run.progress import view_for
 from bench.run.resolve import resolve
 from hil.config.load import read_scenario
-from hil.config.resolved import read_resolved
+from hil.config.resolved import Resolved, read_resolved
 from hil.errors import ConfigError, InterruptedRunError, LogError, MissingExtraError
 from hil.files import Output
 from hil.toml import assignments_of
@@ -34,6 +37,7 @@ class RunOptions(NamedTuple):
     report: bool
     force: bool
     can_log: Path | None = None
+    panel: int | None = None
 
 
 def overrides(flags: dict[str, Any], assignments: list[str]) -> list[tuple[str, Any]]:
@@ -73,12 +77,13 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
         streams.outlive()
-        with told_of(files), view_for(scenario, console) as view:
-            ended = execute(scenario, files, view)
-    if isinstance(ended.error, ConfigError):
-        raise ended.error
-    with told_of(files):
-        told = conclude(scenario, ended, files, report=options.report)
+        with _panel_of(scenario, files, options.panel):
+            with told_of(files), view_for(scenario, console) as view:
+                ended = execute(scenario, files, view)
+            if isinstance(ended.error, ConfigError):
+                raise ended.error
+            with told_of(files):
+                told = conclude(scenario, ended, files, report=options.report)
     if frames is not None and files.plant_log.exists():
         commands.write_can_log(frames, scenario, files, ended.started)
     if isinstance(ended.error, InterruptedRunError):
@@ -90,6 +95,21 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
         if "bus" in told["run"]:
             console.print(commands.line_of_figures(told["run"]["bus"]), soft_wrap=True)
     return int(told["exit_code"])
+
+
+@contextmanager
+def _panel_of(scenario: Resolved, files: RunFiles, port: int | None) -> Iterator[None]:
+    """Have a panel beside the run, if there is to be one."""
+    if port is None:
+        yield
+        return
+    from bench.panel.command import beside
+    from bench.panel.server import check_libraries
+
+    check_libraries()
+    write_scenario(scenario, files)
+    with beside(files.directory, port):
+        yield
 
 
 def report(directory: Path, picture: Path | None, *, force: bool = False) -> int:

@@ -52,11 +52,16 @@ def resolved(scenario: Scenario) -> Iterator[Resolved]:
 def execute(scenario: Resolved, files: RunFiles, view: View) -> Ended:
     """Run a scenario and tell how its processes ended."""
     _check_handles()
-    Output("--out", files.scenario, force=True).write(scenario.model_dump_json(indent=1))
+    write_scenario(scenario, files)
     point_to(files.directory, scenario.link.zenoh.plant_endpoint)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop()  # where it cannot be made, nothing has begun
         return runner.run(_run(scenario, files, view))
+
+
+def write_scenario(scenario: Resolved, files: RunFiles) -> None:
+    """Write what both processes, and who looks on, read the run from."""
+    Output("--out", files.scenario, force=True).write(scenario.model_dump_json(indent=1))
 
 
 def _check_handles() -> None:

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from bench.live.status import operator_of
+from bench.live.engines import engine_of
 from bench.run.checks.signals import source_of
 from bench.run.directory import RunFiles
 from bench.run.execution import execute, resolved
@@ -76,7 +76,7 @@ class Background:
                 time.sleep(_LOOK_S)
         for tap in self._taps.values():
             self._stack.callback(tap.close)
-        self._operator = operator_of(files.scenario)
+        self._operator = engine_of(files.scenario).operator("hil")
         self._stack.callback(self._operator.close)
         while not set(_SIDES) <= self._operator.alive() or not self.t_s:
             self.step()

@@ -41,7 +41,7 @@ def library() -> Library:
 
 
 def own(name: str) -> str:
-    """Return a file of ours: plot.js, style.css."""
+    """Return a file of ours: plot.js, style.css, the panel's."""
     return (_OURS / name).read_text("utf-8")
 
 
@@ -74,19 +74,31 @@ class Page:
 
         Raises: MissingExtraError without uPlot
         """
-        uplot = library()
         sheet = json.dumps({**self._columns.packed(), "plots": self._plots}, ensure_ascii=False)
         start = "Plots.page(JSON.parse(document.getElementById('sheet').textContent));"
-        return (
-            '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            '<meta name="color-scheme" content="light dark">'
-            f"<title>{html.escape(self._title)}</title><style>{uplot.style}</style>"
-            f"<style>{own('style.css')}</style></head><body><main>{body}</main>"
-            f'<script type="application/json" id="sheet">{_inside(sheet)}</script>'
-            f"<script>{uplot.script}</script><script>{own('plot.js')}</script>"
-            f"<script>{start}Plots.controls();{extra}</script></body></html>\n"
-        )
+        arrays = f'<script type="application/json" id="sheet">{_inside(sheet)}</script>'
+        return _whole(self._title, body + arrays, f"{start}Plots.controls();{extra}")
+
+
+def panel_page(title: str) -> str:
+    """Return the page of the panel.
+
+    Raises: MissingExtraError without uPlot
+    """
+    return _whole(title, own("panel.html"), own("panel.js"), own("panel.css"))
+
+
+def _whole(title: str, body: str, script: str, style: str = "") -> str:
+    uplot = library()
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">'
+        f"<title>{html.escape(title)}</title><style>{uplot.style}</style>"
+        f"<style>{own('style.css')}{style}</style></head><body><main>{body}</main>"
+        f"<script>{uplot.script}</script><script>{own('plot.js')}</script>"
+        f"<script>{script}</script></body></html>\n"
+    )
 
 
 def _inside(text: str) -> str:

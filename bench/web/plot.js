@@ -263,7 +263,11 @@ const Plots = (() => {
     }
 
     height() { return (this.spec.height || 240) + LANE * (this.spec.lanes || []).length; }
-    fit() { const w = this.box.clientWidth; if (w && Math.abs(w - this.u.width) > 1) this.u.setSize({ width: w, height: this.height() }); }
+    fit(always) {
+      const width = this.box.clientWidth;
+      if (width && (always || Math.abs(width - this.u.width) > 1)) this.u.setSize({ width, height: this.height() });
+    }
+    remove() { all.delete(this); this.group.plots = this.group.plots.filter(plot => plot !== this); this.u.destroy(); }
 
     select(u) {
       const { left, width } = u.select;

@@ -141,6 +141,7 @@ def _facts(
     return Facts(
         start_requested=request == "start",
         stop_requested=request == "stop",
+        emergency=request == "emergency-stop",
         sample_stale=seen.stale >= bounds.stale_ticks,
         fault=seen.fault,
         unheard=seen.unheard == UNHEARD_SAFE

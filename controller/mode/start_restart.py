@@ -31,7 +31,7 @@ class Facts(Value):
     __slots__ = (
         "start_requested", "stop_requested", "sample_stale", "unheard", "fault", "beyond_limit",
         "fired", "misfired", "left_dead", "right_dead", "misfires_exhausted", "motoring_too_long",
-        "at_rest",
+        "at_rest", "emergency",
     )  # fmt: skip
 
     def __init__(
@@ -40,6 +40,7 @@ class Facts(Value):
         beyond_limit: bool = False, fired: bool = False, misfired: bool = False,
         left_dead: bool = False, right_dead: bool = False, misfires_exhausted: bool = False,
         motoring_too_long: bool = False, at_rest: bool = False,
+        emergency: bool = False,
     ) -> None:  # fmt: skip
         self.start_requested = start_requested
         self.stop_requested = stop_requested
@@ -54,6 +55,7 @@ class Facts(Value):
         self.misfires_exhausted = misfires_exhausted
         self.motoring_too_long = motoring_too_long
         self.at_rest = at_rest
+        self.emergency = emergency
 
 
 @final
@@ -86,6 +88,8 @@ def _shows(fault: i64) -> Callable[[Facts], bool]:
 
 
 RULES: tuple[Rule, ...] = (
+    Rule("emergency stop", _MOVING | {OFF}, lambda f: f.emergency, SAFE,
+         "`emergency-stop` on the command key", "a tick"),
     *(Rule(NAMES[fault], _ACTIVE, _shows(fault), SAFE, *SIGNS[fault])
       for fault in range(1, len(NAMES))),
     Rule("sample lost", _MOVING, lambda f: f.sample_stale, SAFE,

@@ -14,6 +14,9 @@ MAX_BYTES: Final = 16_384
 MAX_WAITING: Final = 64
 """Commands not yet taken; beyond it more are refused, but for a stop."""
 
+STOPS: Final = ("stop", "emergency-stop")
+"""Commands that no queue is before, and that everybody may give."""
+
 _MAX_CHARS: Final = 500
 _NO_VALUES: Final[Mapping[str, Scalar | None]] = {}
 

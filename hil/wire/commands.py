@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
+from hil.wire import quantities
 from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
 CONTROLLER, PLANT = "controller", "plant"
@@ -78,10 +79,9 @@ DECLARED: Final = (
         "set-point", CONTROLLER, "change set points, one or both", (TDC_REF_M, TARGET_POWER_W),
         _says_something,
     ),
-    Declaration(
-        "law", CONTROLLER, "let another law go on from here",
-        (LAW,),
-    ),
+    Declaration("law", CONTROLLER, "let another law go on from here", (LAW,)),
+    Declaration("emergency-stop", CONTROLLER, "go to the safe state at once, and stay there"),
+    Declaration("mark", CONTROLLER, "put a mark into the log", (quantities.LINE,)),
     Declaration(
         "load-scale", PLANT, "the load in force is a multiple of the commanded one",
         (Number("value", "1", 0.0, 10.0, "factor"), _FRACTION, _UNTIL_S),

@@ -76,7 +76,7 @@ class Choice(NamedTuple):
 
 
 class Name(NamedTuple):
-    """A field that is the name of something declared elsewhere."""
+    """A field that is the name of something declared elsewhere, or a line; `form` in words."""
 
     name: str
     meaning: str
@@ -85,11 +85,12 @@ class Name(NamedTuple):
     parameter: str = ""
     unit: str = ""
     pattern: str = r"^[a-z][a-z0-9-]{0,39}$"
+    form: str = "a name of a to z, 0 to 9 and -"
 
     @property
     def accepted(self) -> str:
         """Its form in words."""
-        return "a name of a to z, 0 to 9 and -"
+        return self.form
 
     def read(self, value: object) -> Scalar:
         """Check a value.
@@ -100,6 +101,11 @@ class Name(NamedTuple):
             raise ValueError
         return value
 
+
+LINE: Final = Name(
+    "text", "what it says", pattern=r"^[^\x00-\x1f\x7f-\x9f]{1,80}$",
+    form="a line of 1 to 80 characters",
+)  # fmt: skip
 
 Field = Number | Choice | Name
 

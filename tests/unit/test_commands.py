@@ -38,6 +38,8 @@ def beside(field):
         return [*((name, True) for name in field.names), ("nix", False), ("", False), (1, False)]
     if isinstance(field, Name):
         good, bad = ("pdf", "my-law2"), ("", "A", "a" * 41, 1)
+        if field.name == "text":
+            good, bad = ("pdf", "Lüfter an: 3 °C", "a" * 80), ("", "a\nb", "\x1b[2J", "a" * 81, 1)
         return [*((name, True) for name in good), *((name, False) for name in bad)]
     step = 1 if field.whole else max(abs(field.low), abs(field.high), 1e-3) * BESIDE
     found = [(field.low, True), (field.high, True), (str(field.low), False), (True, False)]

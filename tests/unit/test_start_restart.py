@@ -13,6 +13,7 @@ OFF, MOTORING, GENERATING, STOPPING, SAFE = Mode
 _ACTIVE = {MOTORING, GENERATING}
 
 ROWS = [
+    ("emergency stop", {OFF, MOTORING, GENERATING, STOPPING}, {"emergency": True}, SAFE),
     *((name, _ACTIVE, {"fault": number}, SAFE) for number, name in enumerate(NAMES) if number),
     ("sample lost", {MOTORING, GENERATING, STOPPING}, {"sample_stale": True}, SAFE),
     ("plant does not hear", {MOTORING, GENERATING, STOPPING}, {"unheard": True}, SAFE),

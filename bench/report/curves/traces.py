@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bench.judge.figures import RunData, main_instant
 from bench.judge.punctuality import earliest_ns
 from bench.judge.strokes import Floats
-from bench.report.envelope import Trace, Window, gather, merged
-from bench.report.lines import Pulse, Stretch, machine_modes, operating_modes, read_pulses
+from bench.report.curves.envelope import Trace, Window, gather, merged
+from bench.report.curves.lines import Pulse, Stretch, machine_modes, operating_modes, read_pulses
 from bench.run.directory import RunFiles
 from hil import log as logs
 from hil.log import Log

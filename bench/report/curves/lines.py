@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.judge.events import Happenings
-from bench.report.envelope import Window
+from bench.report.curves.envelope import Window
 from bench.web.plot import Lane
 from hil.log import Log, Span
 from hil.wire.messages import CHANNELS, MACHINE_MODES

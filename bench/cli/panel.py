@@ -1,0 +1,47 @@
+"""`hil panel` and `hil view`: pages in a browser; what is heavy is imported by the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PortOption = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any that is free.")
+]
+BrowserOption = Annotated[
+    bool, typer.Option("--no-browser", help="Open no browser; the address is printed anyway.")
+]
+
+
+def panel(
+    *,
+    run: Annotated[
+        Path, typer.Option("--run", metavar="DIR", help="Directory of the run to look at.")
+    ],
+    port: PortOption = 0,
+    no_browser: BrowserOption = False,
+) -> None:
+    """Watch and steer a running engine in a browser; prints its address with the token."""
+    from bench.panel import command
+
+    raise typer.Exit(command.run(run, port, browser=not no_browser))
+
+
+def view(
+    directory: Annotated[Path, typer.Argument(metavar="RUN", help="Directory of a finished run.")],
+    *,
+    port: PortOption = 0,
+    no_browser: BrowserOption = False,
+) -> None:
+    """Look at the report of a run with its logs behind it: a zoom shows every sample."""
+    from bench.panel import view as work
+
+    raise typer.Exit(work.run(directory, port, browser=not no_browser))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to `hil`."""
+    app.command()(panel)
+    app.command()(view)
