@@ -82,6 +82,8 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     _give(control["open_loop"], "fuel_kg", c.heat.energy_j / c.heat.heating_value_j_kg)
     if "force_n" not in scenario.controller.start.model_fields_set:
         control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}
+    if control["stroke_map"]["kind"] == "auto":
+        control["stroke_map"]["kind"] = "sensitivities"
     fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
     if fires is not None:
         _fill_unfired(scenario, control, fires, c)
