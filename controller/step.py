@@ -255,14 +255,14 @@ def _with_spark(
         return plan
     braked, charges = braking(mode, set_points, fuelling)
     place_m, advance_s = timings.spark_position_m, timings.spark_advance_s
-    if stroke_map is not None and (place_m is None or mode is GENERATING):
-        if mode is GENERATING:
-            braked = params.law_of(fuelling.law_name).load_of(fuelling.law, braked)
-        seconds = seconds_to_spark(stroke_map, motion, braked, charges, place_m, advance_s)
-    elif place_m is not None:
+    if mode is GENERATING:
+        braked = params.law_of(fuelling.law_name).load_of(fuelling.law, braked)
+    if place_m is not None:
         seconds = position.seconds_to_spark(
             params.engine, motion, params.dt_s, braked, place_m, advance_s
         )
+    elif stroke_map is not None:
+        seconds = seconds_to_spark(stroke_map, motion, braked, charges, None, advance_s)
     else:
         seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
         if is_far(timings, plan, pulses, motion.side_ahead, seconds):

@@ -158,14 +158,19 @@ def _stations(
     t, z, v, a = (part[chosen] for part in (base.t_s, base.z_m, base.v_m_s, base.a_m_s2))
     at = np.array([*FRACTIONS, 1.0]) * base.lasts_s
     end_by_load = _smooth(t, at, [pair.end_m(1) for pair in late])
+    left_by_load = _smooth(t, at, [pair.lasts_s(1) for pair in late])
     by_load, by_fuel = loads.speed(1, z, v), fuels.speed(2, z, v)
     telling = np.abs(by_load) > _TELLING * np.abs(by_load).max()
     end_by_v = _told(telling, loads.end_m(1) - end_by_load, by_load)
+    spent = loads.time_s(1, z)
+    left_by_v = _told(telling, loads.lasts_s(1) - spent - left_by_load, by_load)
     end_by_fuel = fuels.end_m(2) - end_by_v * by_fuel
+    left_by_fuel = fuels.lasts_s(2) - fuels.time_s(2, z) - left_by_v * by_fuel
     figures = {
         "z_m": z, "v_m_s": v, "left_s": base.lasts_s - t, "pull_m_s2": a + damping * v,
         "pull_by_fuel": np.gradient(v * by_fuel, z) + damping * by_fuel,
         "end_by_v": end_by_v, "end_by_fuel": end_by_fuel, "end_by_load": end_by_load,
+        "left_by_v": left_by_v, "left_by_fuel": left_by_fuel, "left_by_load": left_by_load,
     }  # fmt: skip
     return Stations(**{name: tuple(map(float, row)) for name, row in figures.items()})
 
@@ -203,13 +208,13 @@ def _hermite(x: Array, xs: Array, ys: Array, slopes: Array) -> Array:
 
 
 def _load(share: float, fraction: float) -> Mapping[str, object]:
-    return {"kind": "load-scale", "value": share, "at_s": 0.0, "at_stroke_fraction": fraction}
+    return {"kind": "load-scale", "value": share, "at_stroke_fraction": fraction}
 
 
 def _fuel(share: float, _fraction: float) -> Mapping[str, object]:
     """Efficiencies are at most 1: both steps are about one a little below it."""
-    share *= 1.0 - 2.0 * CHANGE
-    return {"kind": "efficiency", "low": share, "high": share, "at_s": 0.0}
+    share /= 1.0 + CHANGE
+    return {"kind": "efficiency", "low": share, "high": share}
 
 
 def _pair(scenario: Resolved, strokes: float, event: Any, fraction: float = 0.0) -> _Pair:  # noqa: ANN401
@@ -223,7 +228,7 @@ def _pair(scenario: Resolved, strokes: float, event: Any, fraction: float = 0.0)
 def _strokes(scenario: Resolved, strokes: float, event: Mapping[str, object]) -> list[_Stroke]:
     """Run in open loop; the whole strokes from the first dead centre that was seen on.
 
-    Stroke 0 is as settled, an event at time 0 is in stroke 1.
+    Stroke 0 is as settled, an event that comes up in it is due in stroke 1.
 
     Raises: ConfigError when the engine does not keep running
     """
@@ -261,7 +266,8 @@ def _open_loop(scenario: Resolved, strokes: float, event: Mapping[str, object]) 
     control = tree["controller"]
     control["name"] = "open-loop"
     control["open_loop"]["fuel_kg"] = control["preset"]["fuel_kg"]
-    tree["events"] = {"step": dict(event)} if event else {}
+    in_first_s = 0.5 * control["preset"]["stroke_s"]
+    tree["events"] = {"step": {**event, "at_s": in_first_s}} if event else {}
     tree["expect"] = {}
     tree["begins"] = "settled"
     control["running"] = True

@@ -23,8 +23,8 @@ from hil.config.motion.stroke_map import Effects, SensitivitiesConfig
 _LEAST: Final = 0.2
 _MOST: Final = 3.0
 """Shares of the settled fuel and load beyond which their logarithms are held."""
-_LATE: Final = 0.65
-"""Of the greatest speed: slower than this behind mid-stroke the way left tells the time left."""
+_BEYOND: Final = 0.7
+"""Of what the derivatives add to the ln of the time left, the most that is believed."""
 
 
 def _ln(share: float) -> float:
@@ -58,6 +58,9 @@ class _Station:
         self.end_by_v: float = s.end_by_v[i]
         self.end_by_fuel: float = s.end_by_fuel[i]
         self.end_by_load: float = s.end_by_load[i]
+        self.left_by_v: float = s.left_by_v[i]
+        self.left_by_fuel: float = s.left_by_fuel[i]
+        self.left_by_load: float = s.left_by_load[i]
         self.energy: float = 0.5 * self.v * self.v
         self.rise: float = self.pull - config.load_n_s_m / config.mass_kg * self.v
 
@@ -81,12 +84,6 @@ class Table:
         self.stations = [_Station(config, i) for i in range(len(config.stations.z_m))]
         last = self.stations[-1]
         self.braking_m_s2: float = last.energy / max(config.tdc_m - last.z, 1e-5)
-        fastest = max([station.v for station in self.stations])
-        slow = [i for i in range(len(self.stations)) if self._is_late(i, fastest)]
-        self.late: i64 = slow[0] if slow else len(self.stations) - 1
-
-    def _is_late(self, i: int, fastest: float) -> bool:
-        return self.stations[i].z > 0.0 and self.stations[i].v < _LATE * fastest
 
     def energy_at(self, z: float) -> float:
         """v^2 / 2 of the settled stroke at z, held beyond the stations [m2/s2]."""
@@ -100,66 +97,46 @@ class Table:
         a, b = self.stations[i], self.stations[i + 1]
         return _hermite(s, b.z - a.z, a.left_s, -1.0 / a.v, b.left_s, -1.0 / b.v)
 
-    def pull_by_fuel_at(self, z: float) -> float:
-        """What twice the fuel adds to the acceleration [m/s2]."""
-        i, s = self._place(z)
-        a, b = self.stations[i], self.stations[i + 1]
-        return a.pull_by_fuel + s * (b.pull_by_fuel - a.pull_by_fuel)
+    def left_behind(self, z: float) -> float:
+        """Time that the settled stroke has left at z, behind the last station too [s]."""
+        last = self.stations[-1]
+        if z <= last.z:
+            return self.left_at(z)
+        short_m = max(self.tdc_m - z, 0.0)
+        return last.left_s * math.sqrt(short_m / max(self.tdc_m - last.z, 1e-5))
 
-    def end_gained(self, z: float, dv: float, fuel: float, load: float) -> float:
-        """What the distance of the end gains by changes of speed, ln fuel and ln load at z [m]."""
+    def end_m(self, z: float, v: float, fuel: float, load: float) -> float:
+        """Where a stroke ends that is at z with the speed v, by ln fuel and ln load [m]."""
         i, s = self._place(z)
         a, b = self.stations[i], self.stations[i + 1]
-        r = 1.0 - s
+        r, energy = 1.0 - s, self.energy_at(z)
+        # Of the energy, in which the way that is left is more nearly linear than in the speed.
+        dv = (0.5 * v * v - energy) / math.sqrt(2.0 * energy)
         return (
-            (r * a.end_by_v + s * b.end_by_v) * dv
+            self.tdc_m
+            + (r * a.end_by_v + s * b.end_by_v) * dv
             + (r * a.end_by_fuel + s * b.end_by_fuel) * fuel
             + (r * a.end_by_load + s * b.end_by_load) * load
         )
 
-    def left_s(
-        self, z: float, v: float, more: float, c: float, end_m: float, stop_m: float
-    ) -> float:
-        """Time to an end that is known, or a stop before it, from z at the speed v [s].
+    def left_s(self, z: float, v: float, fuel: float, load: float, end_m: float) -> float:
+        """How long it takes to that end [s].
 
-        From station to station while it is fast,  u' = f_q (q/q0 - 1) - (c v - c0 v0) / m  over z
-        with v^2 = v0^2 + 2 u, v0 as settled; then in proportion to way and speed.
-
-        Parameters: more : q/q0 - 1; c : load coefficient
+        In proportion to the way and to 1 / v; ln of what the derivatives say beyond that.
         """
-        m, c0 = self.mass_kg, self.load_n_s_m
-        i, _ = self._place(z)
-        v0 = math.sqrt(2.0 * self.energy_at(z))
-        u, f, settled_s = 0.5 * v * v - 0.5 * v0 * v0, self.pull_by_fuel_at(z), self.left_at(z)
-        spent = 0.0
-        while i < self.late:
-            b = self.stations[i + 1]
-            if stop_m < b.z:
-                break
-            h = b.z - z
-            lost = (c * v - c0 * v0) / m
-            guess = u + h * (f * more - lost)
-            v_next = math.sqrt(max(2.0 * (b.energy + guess), 0.0))
-            lost = 0.5 * (lost + (c * v_next - c0 * b.v) / m)
-            u += h * (0.5 * (f + b.pull_by_fuel) * more - lost)
-            if b.energy + u <= 0.0 or b.z >= end_m:
-                break
-            v_next = math.sqrt(2.0 * (b.energy + u))
-            spent += (settled_s - b.left_s) * (v0 + b.v) / (v + v_next)
-            z, v, v0, f, settled_s = b.z, v_next, b.v, b.pull_by_fuel, b.left_s
-            i += 1
-        return spent + self.slowing_s(z, v, end_m, stop_m)
-
-    def slowing_s(self, z: float, v: float, end_m: float, stop_m: float) -> float:
-        """Time from z to a stop, the way to the end as settled but in proportion [s]."""
-        there = min(z, self.stations[-1].z)
-        settled_m = max(self.tdc_m - there, 1e-5)
-        shape = self.left_at(there) * math.sqrt(2.0 * self.energy_at(there)) / settled_m
-        whole = shape * max(end_m - z, 0.0) / max(v, 1e-3)
-        if stop_m >= end_m:
-            return whole
-        beyond = (end_m - stop_m) / max(end_m - z, 1e-9)
-        return whole * max(1.0 - math.sqrt(beyond), 0.0)
+        i, s = self._place(z)
+        a, b = self.stations[i], self.stations[i + 1]
+        r, v0, left_s = 1.0 - s, math.sqrt(2.0 * self.energy_at(z)), self.left_at(z)
+        way_m = max(self.tdc_m - z, 1e-5)
+        by_v = (r * a.left_by_v + s * b.left_by_v) / left_s
+        by_v -= (r * a.end_by_v + s * b.end_by_v) / way_m - 1.0 / v0
+        by_fuel = (r * a.left_by_fuel + s * b.left_by_fuel) / left_s
+        by_fuel -= (r * a.end_by_fuel + s * b.end_by_fuel) / way_m
+        by_load = (r * a.left_by_load + s * b.left_by_load) / left_s
+        by_load -= (r * a.end_by_load + s * b.end_by_load) / way_m
+        beyond = by_v * (v - v0) + by_fuel * fuel + by_load * load
+        share = max(end_m - z, 0.0) / way_m * v0 / max(v, 1e-3)
+        return left_s * share * math.exp(min(max(beyond, -_BEYOND), _BEYOND))
 
     def _place(self, z: float) -> tuple[i64, float]:
         """The station before z, and which part of the way to the next it is; held at both ends."""
@@ -206,36 +183,28 @@ class SensitivityMap(StrokeMap):
             start_m = -z - t.tdc_m if tau == 0.0 else 0.0
             lasts_s = t.stroke_s + t.duration.of(start_m, fuel, load)
             return t.tdc_m + t.end.of(start_m, fuel, load), max(self.pace * lasts_s - tau, 0.0)
-        end_m = self._end(q, c, z, v)
-        return end_m, self._left_s(q, c, z, v, end_m, end_m)
+        fuel, load = _ln(q / t.fuel_kg), _ln(c / t.load_n_s_m)
+        last, paced = t.stations[-1].z, self.pace * v
+        if z <= last:
+            end_m = max(t.end_m(z, paced, fuel, load), z)
+            return end_m, self.pace * t.left_s(z, paced, fuel, load, end_m)
+        # As it was at the last station, braked evenly since.
+        there = math.sqrt(paced * paced + 2.0 * t.braking_m_s2 * (z - last))
+        end_m = max(t.end_m(last, there, fuel, load), z)
+        whole_s = self.pace * t.left_s(last, there, fuel, load, max(end_m, last))
+        return end_m, whole_s * math.sqrt((end_m - z) / max(end_m - last, 1e-9))
 
     def reach(self, q: float, c: float, z: float, v: float, tau: float, position_m: float) -> float:
-        """Seconds until the piston is at a position ahead, or at its dead centre before it."""
-        if z < self.table.stations[0].z or v <= 0.0:
-            end_m, left_s = self.travel(q, c, z, v, tau)
-            short_m = max(end_m - position_m, 0.0)
-            return left_s * max(1.0 - math.sqrt(short_m / max(end_m - z, 1e-9)), 0.0)
-        return self._left_s(q, c, z, v, self._end(q, c, z, v), position_m)
+        """Seconds until the piston is at a position ahead, or at its dead centre before it.
 
-    def _end(self, q: float, c: float, z: float, v: float) -> float:
-        """Where a stroke that is among the stations, or behind them, ends."""
+        Behind the position it is braked as the settled stroke is there, to its own end.
+        """
+        end_m, left_s = self.travel(q, c, z, v, tau)
+        if position_m >= end_m:
+            return left_s
         t = self.table
-        last = t.stations[-1].z
-        there, v_there = min(z, last), self.pace * v
-        if z > last:  # as it was at the last station, braked evenly since
-            v_there = math.sqrt(v_there * v_there + 2.0 * t.braking_m_s2 * (z - last))
-        dv = v_there - math.sqrt(2.0 * t.energy_at(there))
-        fuel, load = _ln(q / t.fuel_kg), _ln(c / t.load_n_s_m)
-        return max(t.tdc_m + t.end_gained(there, dv, fuel, load), z)
-
-    def _left_s(self, q: float, c: float, z: float, v: float, end_m: float, stop_m: float) -> float:
-        """Time from there to the end, or to a stop before it."""
-        t = self.table
-        if stop_m <= z:
-            return 0.0
-        if z > t.stations[-1].z:
-            return t.slowing_s(z, v, end_m, stop_m)
-        return self.pace * t.left_s(z, self.pace * v, q / t.fuel_kg - 1.0, c, end_m, stop_m)
+        settled_m = t.tdc_m - (end_m - position_m)
+        return max(left_s - self.pace * t.left_behind(settled_m), 0.0)
 
     def pass_mid(self, q: float, c: float, start_m: float) -> tuple[float, float]:
         """Speed [m/s] at mid-stroke, and when [s], of a stroke from the distance `start_m`."""

@@ -27,6 +27,7 @@ class Stations(Section):
     z_m, v_m_s, left_s: position, velocity there, time to the dead centre
     pull_m_s2: acceleration but for the load; pull_by_fuel: what twice the fuel adds
     end_by_v, end_by_fuel, end_by_load: of the distance of the dead centre [s], [m], [m]
+    left_by_v, left_by_fuel, left_by_load: of the time left [s2/m], [s], [s]
     """
 
     z_m: Numbers = Field(min_length=STATIONS_MIN)
@@ -37,6 +38,9 @@ class Stations(Section):
     end_by_v: Numbers
     end_by_fuel: Numbers
     end_by_load: Numbers
+    left_by_v: Numbers
+    left_by_fuel: Numbers
+    left_by_load: Numbers
 
     @model_validator(mode="after")
     def _even(self) -> Stations:
