@@ -88,8 +88,8 @@ def ordered_ahead(
 def end_of_stroke(params: Params, motion: Motion, set_points: SetPoints, fuelling: Fuelling) -> i64:
     """When the stroke under way will end: by the map, or as a steady one would [ns]."""
     stroke_map = params.stroke_map
-    if stroke_map is None or not stroke_map.fits:
+    if stroke_map is None:
         return motion.dc_t_ns + nearest(set_points.point.stroke_s * 1e9)
     load_n_s_m = set_points.load_n_s_m
-    ahead_s = seconds_ahead(stroke_map, motion, load_n_s_m, fuelling.burnt_kg, params.period_ns)
+    ahead_s = seconds_ahead(stroke_map, motion, load_n_s_m, fuelling.burnt_kg)
     return motion.t_ns + nearest(ahead_s * 1e9)

@@ -18,7 +18,7 @@ from controller.mode.operation import decide, is_uneventful
 from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND, Law, View
-from controller.motion.prediction import seconds_ahead
+from controller.motion.prediction import seconds_to_spark
 from controller.observe import power
 from controller.observe.estimate import (
     Motion,
@@ -233,9 +233,11 @@ def _trimmed(
         wanted = fuelling.demand.of(trim.fuel_kg)
         fuelling = fuelling.demanding(safety.limit_fuel(params.limits, throttle, wanted))
     if plan.injection is not None and plan.injection.close_ns > motion.t_ns:
-        ahead_s = seconds_ahead(
-            view.believed, motion, view.load_n_s_m, view.burnt_kg, params.period_ns
-        )
+        timings, load = params.timings, law.load_of(fuelling.law, view.load_n_s_m)
+        ahead_s = seconds_to_spark(
+            view.believed, motion, load, view.burnt_kg, timings.spark_position_m,
+            timings.spark_advance_s,
+        )  # fmt: skip
         plan = retime_injection(
             params.timings, plan, motion.t_ns + nearest(ahead_s * 1e9), motion.t_ns,
             params.period_ns, fuelling.demand.fuel_kg,
@@ -252,13 +254,15 @@ def _with_spark(
     if not may_move(timings, plan, t_ns, period_ns):
         return plan
     braked, charges = braking(mode, set_points, fuelling)
-    if timings.spark_position_m is not None:
+    place_m, advance_s = timings.spark_position_m, timings.spark_advance_s
+    if mode is GENERATING:
+        braked = params.law_of(fuelling.law_name).load_of(fuelling.law, braked)
+    if place_m is not None:
         seconds = position.seconds_to_spark(
-            params.engine, motion, params.dt_s, braked, timings.spark_position_m,
-            timings.spark_advance_s,
-        )  # fmt: skip
-    elif stroke_map is not None and stroke_map.fits:
-        seconds = seconds_ahead(stroke_map, motion, braked, charges, period_ns)
+            params.engine, motion, params.dt_s, braked, place_m, advance_s
+        )
+    elif stroke_map is not None:
+        seconds = seconds_to_spark(stroke_map, motion, braked, charges, None, advance_s)
     else:
         seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
         if is_far(timings, plan, pulses, motion.side_ahead, seconds):

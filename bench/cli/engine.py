@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from bench.cli.options import Force
+from bench.cli.options import Assignments, Force
 
 if TYPE_CHECKING:
     from bench.report.chart import Chart
@@ -160,6 +160,20 @@ def precision(
     print("\n".join(lines))
     if file is not None:
         file.write("\n".join(lines) + "\n")
+
+
+@app.command()
+def sensitivities(
+    model: Annotated[str, typer.Option(help="Engine model, or fmu:FILE.")] = "two-stroke",
+    *,
+    out: Annotated[Path | None, typer.Option(help="Scenario to write (.toml), with them.")] = None,
+    force: Force = False,
+    assignments: Assignments = None,
+) -> None:
+    """Find how strokes answer to small changes: a stroke map for the laws, of any engine."""
+    from bench.studies.engine import sensitivities as work
+
+    raise typer.Exit(work.run(model, assignments or [], out, force=force))
 
 
 def register(root: typer.Typer) -> None:

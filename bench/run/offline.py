@@ -67,12 +67,13 @@ def run_ticks(loop: PlantLoop, tick: i64, end: i64) -> int:
 
 
 class Course(NamedTuple):
-    """What a run came to: dead centres, events of the plant, the last mode, x at every tick."""
+    """What a run came to: dead centres, events of the plant, last mode, x and v at every tick."""
 
     dead_centres: list[DeadCentre]
     events: list[Event]
     mode: str
     x_m: list[float]
+    v_m_s: list[float]
 
 
 class _Schedule:
@@ -99,13 +100,14 @@ def simulate(scenario: Resolved) -> Course:
     )
     mind = controller.build.initial_state(law)
     schedule = _Schedule(controller.build.schedule_of(scenario))
-    course = Course([], list(events), "", [])
+    course = Course([], list(events), "", [], [])
     said: Output | None = None
     command, ticks = Command(), scenario.ticks
     tick: i64 = 0
     for tick in range(ticks):
         seen, power_w, ordered = sample(params, state), math.nan, None
         course.x_m.append(seen.x_m)
+        course.v_m_s.append(seen.v_m_s)
         if tick & 1 == 0:
             power_w = float(nearest(sensed(params, state).electric_power_w))
         before, valve = state.dead_centre, valve_move(params, state)

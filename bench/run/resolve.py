@@ -10,6 +10,7 @@ from bench.run.checks.signals import check_expectations
 from bench.run.checks.stimuli import check_stimuli, loaded
 from bench.run.filling import detailed, fmu
 from bench.run.filling.start_load import start_load
+from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
@@ -52,14 +53,18 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     check_expectations(scenario)
-    whole = _resolved(loaded(scenario), sockets)
+    whole = believing(_resolved(loaded(scenario), sockets))
     check_stimuli(whole)
     return whole
 
 
 def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
+    """All of it but what is found by running the engine.
+
+    Raises: ConfigError
+    """
     if fmu.is_unit(scenario):
-        return fmu.fill(scenario, lambda like: resolve(like, sockets))
+        return fmu.fill(scenario, lambda like: _resolved(like, sockets))
     check_names(scenario)
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(

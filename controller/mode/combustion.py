@@ -27,7 +27,7 @@ def has_misfired(
     is not to be taken off. Without a map v = v_mid sin(pi t / T), scaled by the dead centre from
     which the piston started.
     """
-    if stroke_map is not None and stroke_map.fits:
+    if stroke_map is not None:
         charge_kg = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
         fired, unfired = speeds(stroke_map, motion, set_points.load_n_s_m, charge_kg)
         return motion.speed_m_s < unfired + MISFIRE_SHARE * (fired - unfired)

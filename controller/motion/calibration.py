@@ -9,6 +9,7 @@ from typing import Final
 from controller.knowledge import OperatingPoint
 from controller.motion.maps.gas_law import GasMap
 from controller.motion.maps.linear import LinearMap
+from controller.motion.maps.sensitivities import SensitivityMap, Table
 from controller.motion.maps.stroke_map import StrokeMap
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import Prototype
@@ -39,8 +40,11 @@ def calibrate(
         return None
     if config.kind == "gas-law":
         return gas_law(engine, tdc_m, load_n_s_m, point)
+    if config.kind == "sensitivities":
+        given = config.sensitivities
+        return None if given is None else SensitivityMap(Table(given), given.mass_kg)
     found = linear(engine, tdc_m, load_n_s_m, point)
-    if config.kind == "auto" and (found is None or not found.fits):
+    if config.kind == "auto" and found is None:
         gas = gas_law(engine, tdc_m, load_n_s_m, point)
         if gas is not None and abs(gas.speed - 1.0) < _SAME_SPEED:
             return gas
@@ -80,7 +84,7 @@ def linear(
 
     Three unknowns (h, ln force, ln stiffness) from three figures (TDC, stroke, mid-stroke speed)
     by Newton's rule; of several solutions the one nearest to the prototype's figures. An engine
-    of another kind has none: then h is 1 and mid-stroke speed is left out.
+    of another kind has none.
     """
 
     def make(u: Unknowns) -> LinearMap:
@@ -91,15 +95,7 @@ def linear(
         u = _newton(make, [0.0, 0.0, shape], tdc_m, load_n_s_m, point)
         if u is not None and _SHAPES[0] <= u[2] <= _SHAPES[1]:
             found.append(u)
-    if found:
-        return make(min(found, key=lambda u: u[0] ** 2 + u[1] ** 2))
-    u = _newton(make, [0.0, 0.0], tdc_m, load_n_s_m, point)
-    if u is None:
-        return None
-    believed = make(u)
-    v_mid, _ = believed.pass_mid(point.fuel_kg, load_n_s_m, tdc_m)
-    believed.fits, believed.speed = False, point.v_mid_m_s / v_mid
-    return believed
+    return make(min(found, key=lambda u: u[0] ** 2 + u[1] ** 2)) if found else None
 
 
 def _newton(
@@ -124,7 +120,7 @@ def _newton(
 
 
 def _linear_of(engine: Prototype, u: Unknowns, point: OperatingPoint) -> LinearMap:
-    """The map of (ln force, ln stiffness, h); h is 1 when it is not among the unknowns."""
+    """The map of (ln force, ln stiffness, h)."""
     size = engine.half_stroke_m
     force, stiff = math.exp(u[0]), math.exp(u[1])
     return LinearMap(
@@ -132,7 +128,7 @@ def _linear_of(engine: Prototype, u: Unknowns, point: OperatingPoint) -> LinearM
         stiff * engine.rest_stiffness_n_m,
         stiff * engine.gamma * engine.energy_j_kg / (size * size),
         force * engine.energy_j_kg / size,
-        u[2] if len(u) > 2 else 1.0,
+        u[2],
         point.stroke_s,
     )
 

@@ -36,11 +36,15 @@ def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | Non
     if law is None:
         return f"law = {name!r}: accepted: {', '.join(laws)}"
     if law.needs_map and stroke_map is None:
-        return f"controller {name}: the preset is no steady state from which a stroke can be told"
-    if law.needs_fit and stroke_map is not None and not stroke_map.fits:
         return (
-            f"controller {name}: follows the force within a stroke, and the preset is the steady"
-            " state of an engine of another kind (accepted: harmonic, rectangular)"
+            f"controller {name}: no map of a stroke: the preset is no steady state of the kind"
+            " controller.stroke_map.kind, or its sensitivities were not given (hil engine"
+            " sensitivities)"
+        )
+    if law.needs_force and stroke_map is not None and not stroke_map.tells_force:
+        return (
+            f"controller {name}: follows the force within a stroke, which a map of sensitivities"
+            " does not tell (accepted kinds: linear, gas-law)"
         )
     return ""
 

@@ -122,14 +122,14 @@ class Law(Generic[StateT]):
     name: what chooses it; parameters: keys of its configuration, below `controller.`, that shape
     it and may be tuned
     needs_map: whether it refuses to work without a stroke's map
-    needs_fit: whether it refuses one that meets the steady state in part only
+    needs_force: whether it follows the force within a stroke, which not every map tells
     watches: whether it has a `watch`, which then runs in every tick while generating
     """
 
     name: ClassVar[str] = ""
     parameters: ClassVar[tuple[str, ...]] = ()
     needs_map: ClassVar[bool] = False
-    needs_fit: ClassVar[bool] = False
+    needs_force: ClassVar[bool] = False
 
     def __init__(self, config: ControllerConfig) -> None:
         self.config = config
@@ -146,6 +146,10 @@ class Law(Generic[StateT]):
     def watch(self, state: StateT, view: View, planned_kg: float) -> tuple[StateT, Trim]:
         """Look at a tick; `planned_kg` for the dead centre ahead is 0 before mid-stroke [kg]."""
         return state, NO_TRIM
+
+    def load_of(self, state: StateT, load_n_s_m: float) -> float:
+        """The load coefficient that it believes to act where this one is commanded [N s/m]."""
+        return load_n_s_m
 
     def taken_over(self, view: View) -> StateT:
         """The state with which it goes on from another law while the engine runs."""

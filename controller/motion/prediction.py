@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
-import math
-
 from mypy_extensions import i64
 
 from controller.motion.maps.stroke_map import StrokeMap
-from controller.observe.estimate import Motion, seconds_to_dead_centre
+from controller.observe.estimate import Motion
 from hil.rounding import nearest
 
 
 def seconds_ahead(
-    stroke_map: StrokeMap, motion: Motion, load_n_s_m: float, burnt_kg: tuple[float, float],
-    period_ns: i64,
-) -> float:  # fmt: skip
+    stroke_map: StrokeMap, motion: Motion, load_n_s_m: float, burnt_kg: tuple[float, float]
+) -> float:
     """Time from the newest sample to the dead centre ahead [s].
 
-    By the stroke's own map; that of a free oscillation where the engine is of another kind. After
-    a stroke that did not fire, and while motoring, it is the stroke of the air springs.
+    After a stroke that did not fire, and while motoring, it is the stroke of the air springs.
     """
-    if not stroke_map.fits:
-        h = float(period_ns) * 1e-9
-        return seconds_to_dead_centre(motion, h, math.pi / stroke_map.stroke_s)
     q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
     return stroke_map.travel(q, load_n_s_m, motion.z_m, motion.speed_m_s, motion.tau_s)[1]
+
+
+def seconds_to_spark(
+    stroke_map: StrokeMap, motion: Motion, load_n_s_m: float, burnt_kg: tuple[float, float],
+    position_m: float | None, advance_s: float,
+) -> float:  # fmt: skip
+    """Time to the spark, told as time to a dead centre `advance_s` behind it [s].
+
+    The spark is at the position, if it has one, or `advance_s` before the dead centre if that is
+    earlier: a stroke that falls short is lit nearer to mid-stroke.
+    """
+    ahead_s = seconds_ahead(stroke_map, motion, load_n_s_m, burnt_kg)
+    if position_m is None:
+        return ahead_s
+    q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
+    z, v, tau = motion.z_m, motion.speed_m_s, motion.tau_s
+    return min(stroke_map.reach(q, load_n_s_m, z, v, tau, position_m) + advance_s, ahead_s)
 
 
 def unseen_dead_centre(
@@ -38,7 +48,7 @@ def unseen_dead_centre(
 
     Parameters: before, after : motion at the last sample before the gap, at the first one behind it
     """
-    if stroke_map is not None and stroke_map.fits:
+    if stroke_map is not None:
         told = _turned(stroke_map, before, after, load_n_s_m, burnt_kg, before.quarter_ns)
         if told is not None:
             return told

@@ -43,7 +43,7 @@ _LOW_BEFORE_SPARK_S = 0.2e-3
 _FOUR_STROKE_BEGINS = 2
 """Row of Table 3.1 with which a run begins: the left cylinder's power stroke."""
 
-_FOUR_STROKE_LEAD_TICKS = 2
+_LEAD_TICKS = 2
 """From mid-stroke to spark it is 5 ms in a power stroke, and injection takes 1.4 ms of them."""
 
 _SPARK_AHEAD_S = 2.5e-3
@@ -83,6 +83,8 @@ def fill(scenario: Scenario, tree: dict[str, Any]) -> None:
     if "force_n" not in scenario.controller.start.model_fields_set:
         control["start"] |= {"force_n": c.machine.start_force_n, "constant_force": True}
     fires = _FIRES.get((c.cycle.kind, c.cycle.fires))
+    if fires is None and control["stroke_map"]["kind"] == "auto":
+        control["stroke_map"]["kind"] = "sensitivities"
     if fires is not None:
         _fill_unfired(scenario, control, fires, c)
     _fill_load(scenario, c, control)
@@ -203,7 +205,7 @@ def _fill_unfired(
         fires = tuple(_FIRES_BY_STROKE[(n + first) % 4] for n in range(4))
     wanted: dict[str, Any] = {"fires": fires, "spark_ahead_s": _SPARK_AHEAD_S}
     if c.cycle.kind == "four-stroke":
-        wanted["injection_lead_ticks"] = _FOUR_STROKE_LEAD_TICKS
+        wanted["injection_lead_ticks"] = _LEAD_TICKS
     given = scenario.controller.timing.model_fields_set
     control["timing"] |= {key: value for key, value in wanted.items() if key not in given}
 
@@ -278,6 +280,8 @@ def _fill_timing(
         tree["spark_advance_s"] = spark_before_s
         if "spark_position_m" not in given:
             tree["spark_position_m"] = spark_m
+    if "injection_lead_ticks" not in given:
+        tree["injection_lead_ticks"] = _LEAD_TICKS
     for key in ("injection_margin_s", "trim_margin_s"):
         if key not in given:
             tree[key] = tree["spark_advance_s"] + _LOW_BEFORE_SPARK_S

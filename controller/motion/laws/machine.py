@@ -97,7 +97,6 @@ class MachineLaw(Law[MachineState]):
         "machine.gain", "machine.begin_s", "machine.release_s",
     )  # fmt: skip
     needs_map: ClassVar[bool] = True
-    needs_fit: ClassVar[bool] = True
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
@@ -164,6 +163,10 @@ class MachineLaw(Law[MachineState]):
         wanted = c0 + self.gain * (view.tdc_ref_m - end0) / slope
         c = min(max(wanted, self.least * base), self.most * base)
         return min(c / scale, self.most * base), end0 + slope * (c - c0)
+
+    def load_of(self, state: MachineState, load_n_s_m: float) -> float:
+        """The last order by its scale."""
+        return (state.ordered_n_s_m or load_n_s_m) * state.load.scale
 
     def taken_over(self, view: View) -> MachineState:
         """It knows nothing of the load yet, and aligns the shares with the fuel in force."""

@@ -125,7 +125,7 @@ class Observer(Law[ObserverState]):
         "observer.drift_n_s_m", "observer.charge_spread", "observer.load_jump", "observer.gate",
     )  # fmt: skip
     needs_map: ClassVar[bool] = True
-    needs_fit: ClassVar[bool] = True
+    needs_force: ClassVar[bool] = True
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
@@ -189,6 +189,10 @@ class Observer(Law[ObserverState]):
             motion.tau_s,
         )  # fmt: skip
         return ObserverState(now, True, learnt, forecast)
+
+    def load_of(self, state: ObserverState, load_n_s_m: float) -> float:
+        """The one observed."""
+        return state.estimate.c or load_n_s_m
 
     def taken_over(self, view: View) -> ObserverState:
         """It knows little of the load, and aligns the shares with the fuel in force."""

@@ -102,6 +102,10 @@ class Pdf(Law[PdfState]):
         fuel_kg = fuel_after(view, learnt, c, end_m, planned_kg)
         return PdfState(load, learnt, state.forecast, c, end_m), Trim(fuel_kg)
 
+    def load_of(self, state: PdfState, load_n_s_m: float) -> float:
+        """The commanded one by its scale."""
+        return load_n_s_m * state.load.scale
+
     def taken_over(self, view: View) -> PdfState:
         """It knows nothing of the load yet, and aligns the shares with the fuel in force."""
         return PdfState(UNKNOWN, UNALIGNED)

@@ -22,6 +22,8 @@ _LEAST: Final = 0.2
 _MOST: Final = 4.0
 _WORST_SHARE: Final = 9.0
 _TRUST: Final = 100.0
+_SAME_SPEED: Final = 0.02
+"""Of the mid-stroke speed in the steady state: a map that is further off is a poor one."""
 _DOUBTFUL: Final = 2.0
 """A load told from one speed is noisier than a measured one: so much more is a change."""
 
@@ -136,7 +138,7 @@ def _inferred(
     # Two cylinders that differ alternate: what the same side has shown before is no load step.
     again = seen / before.seen[1] - 1.0 if before.seen[1] > 0.0 else excess
     news = min(abs(excess), abs(again))
-    trust = 1.0 if believed.fits else config.poor_map_trust
+    trust = 1.0 if abs(believed.speed - 1.0) < _SAME_SPEED else config.poor_map_trust
     return _filtered(config, before, seen, trust * excess, trust * news), excess, news
 
 

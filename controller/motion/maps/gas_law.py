@@ -90,6 +90,19 @@ class GasPath(Value):
                 return z1 - 0.5 * v1 * step, s
         return z1, s
 
+    def arrival(self, z: float, v: float, position_m: float) -> float:
+        """Time from (z, v) to a position within a step of it [s]."""
+        s = 0.0
+        for _ in range(5):
+            z1, v1 = self.moved(z, v, s)
+            if v1 <= 0.0:
+                return s
+            step = (position_m - z1) / v1
+            s += step
+            if abs(step) < _FLAT_S:
+                return s
+        return s
+
 
 @final
 class GasMap(StrokeMap):
@@ -99,7 +112,7 @@ class GasMap(StrokeMap):
         self, m: float, spring: float, burn: float, gamma: float, half_m: float, stroke_s: float,
         speed: float = 1.0,
     ) -> None:  # fmt: skip
-        super().__init__(m, stroke_s, True, speed, True)
+        super().__init__(m, stroke_s, speed, True)
         self.spring = spring
         self.burn = burn
         self.gamma = gamma
@@ -120,6 +133,14 @@ class GasMap(StrokeMap):
 
     def travel(self, q: float, c: float, z: float, v: float, tau: float) -> tuple[float, float]:
         """Where and when the stroke under way ends: (distance [m], seconds from now)."""
+        return self._until(q, c, z, v, self.half_m)
+
+    def reach(self, q: float, c: float, z: float, v: float, tau: float, position_m: float) -> float:
+        """Seconds until the piston is at a position ahead, or at its dead centre before it."""
+        return self._until(q, c, z, v, position_m)[1]
+
+    def _until(self, q: float, c: float, z: float, v: float, stop_m: float) -> tuple[float, float]:
+        """Position and time of the dead centre, or of a position if that comes before it."""
         p = self.path(q, c)
         spent, longest = 0.0, 3.0 * self.stroke_s
         for _ in range(_MOST_STEPS):
@@ -128,8 +149,12 @@ class GasMap(StrokeMap):
             if v1 <= 0.0 or spent > longest:
                 if v <= 0.0:  # pushed back from where it stands
                     return z, spent
-                z, s = p.turn(z, v, h)
-                return z, spent + s
+                end_m, s = p.turn(z, v, h)
+                if end_m > stop_m:
+                    return stop_m, spent + p.arrival(z, v, stop_m)
+                return end_m, spent + s
+            if z1 > stop_m:
+                return stop_m, spent + p.arrival(z, v, stop_m)
             z, v, spent = z1, v1, spent + h
         return z, spent
 
@@ -145,15 +170,8 @@ class GasMap(StrokeMap):
             z, v, spent = z1, v1, spent + h
         if v <= 0.0:
             return 0.0, spent
-        s = 0.0
-        for _ in range(4):
-            z1, v1 = p.moved(z, v, s)
-            if v1 <= 0.0:
-                break
-            s -= z1 / v1
-            if abs(z1) < _FLAT_S * v1:
-                break
-        return v1, spent + s
+        s = p.arrival(z, v, 0.0)
+        return p.moved(z, v, s)[1], spent + s
 
     def speed_at(self, q: float, c: float, start_m: float, tau: float) -> float:
         """Velocity so long after the dead centre at the distance `start_m` [m/s]."""

@@ -61,10 +61,9 @@ class LinearMap(StrokeMap):
     """Mass [kg], stiffness [N/m] and its rise per fuel, force per fuel [N/kg], shape h."""
 
     def __init__(
-        self, m: float, k0: float, k_q: float, f: float, h: float, stroke_s: float,
-        fits: bool = True, speed: float = 1.0,
-    ) -> None:  # fmt: skip
-        super().__init__(m, stroke_s, fits, speed)
+        self, m: float, k0: float, k_q: float, f: float, h: float, stroke_s: float
+    ) -> None:
+        super().__init__(m, stroke_s)
         self.k0 = k0
         self.k_q = k_q
         self.f = f
@@ -72,7 +71,7 @@ class LinearMap(StrokeMap):
 
     def with_mass(self, m: float) -> LinearMap:
         """The map of another moving mass over the same springs."""
-        return LinearMap(m, self.k0, self.k_q, self.f, self.h, self.stroke_s, self.fits, self.speed)
+        return LinearMap(m, self.k0, self.k_q, self.f, self.h, self.stroke_s)
 
     def path(self, q: float, c: float, z: float, v: float, tau: float) -> Path:
         """Solve from (z, v) at tau on; damping beyond the oscillating kind is held below it."""
@@ -111,6 +110,21 @@ class LinearMap(StrokeMap):
                 # The dead centre is flat in time: what is left of the step counts squared.
                 return z - 0.5 * v * step, s
         return p.at(s)[0], s
+
+    def reach(self, q: float, c: float, z: float, v: float, tau: float, position_m: float) -> float:
+        """Seconds until the piston is at a position ahead, or at its dead centre before it."""
+        end_m, left_s = self.travel(q, c, z, v, tau)
+        if position_m >= end_m:
+            return left_s
+        p = self.path(q, c, z, v, tau)
+
+        def short(s: float) -> tuple[float, float]:
+            there, speed = p.at(s)
+            return there - position_m, max(speed, 0.0)
+
+        guess = left_s * max(1.0 - math.sqrt((end_m - position_m) / max(end_m - z, 1e-6)), 0.0)
+        most = 0.2 * self.stroke_s
+        return newton(short, guess, low=0.0, high=left_s, most=most, close=_SPAN_S)
 
     def pass_mid(self, q: float, c: float, start_m: float) -> tuple[float, float]:
         """Speed [m/s] at mid-stroke, and when [s], of a stroke from the distance `start_m`."""

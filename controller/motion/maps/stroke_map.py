@@ -31,26 +31,31 @@ class Prediction(Value):
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class StrokeMap:
-    """A maker fulfils the first five; their inverses are the same for all.
+    """A maker fulfils the first seven; their inverses are the same for all.
+
+    One that knows no forces, only how strokes end, has no `predict`: then `tells_force` is false.
 
     m: moving mass [kg]; stroke_s: duration of a steady stroke [s]
-    fits: whether it meets the steady state in all three figures; else its timing is not relied on
     speed: actual mid-stroke speed over that of the map, in the steady state
     hardens: whether the force changes so much within a tick that the map has to tell dead centres
     """
 
     def __init__(
-        self, m: float, stroke_s: float, fits: bool = True, speed: float = 1.0,
-        hardens: bool = False,
+        self, m: float, stroke_s: float, speed: float = 1.0, hardens: bool = False,
+        tells_force: bool = True,
     ) -> None:  # fmt: skip
         self.m = m
         self.stroke_s = stroke_s
-        self.fits = fits
         self.speed = speed
         self.hardens = hardens
+        self.tells_force = tells_force
 
     def travel(self, q: float, c: float, z: float, v: float, tau: float) -> tuple[float, float]:
         """Where and when the stroke under way ends: (distance [m], seconds from now)."""
+        raise NotImplementedError
+
+    def reach(self, q: float, c: float, z: float, v: float, tau: float, position_m: float) -> float:
+        """Seconds until the piston is at a position ahead, or at its dead centre before it."""
         raise NotImplementedError
 
     def pass_mid(self, q: float, c: float, start_m: float) -> tuple[float, float]:

@@ -61,7 +61,7 @@ class PredictiveConfig(Tunable):
 
     drift: standard deviation by which the load moves in a stroke
     gate: innovations beyond so many standard deviations are a load step
-    poor_map_trust: part of an inference that is believed where the map of a stroke is a poor one
+    poor_map_trust: part of an inference that is believed where the map misses the steady speed
     """
 
     poor_map_trust: float = Field(default=0.2, gt=0.0, le=1.0)
