@@ -9,13 +9,14 @@ from typing import Annotated, Literal
 import typer
 
 from bench.cli import bus as bus_cli
-from bench.cli import engine, fmu, measure, operate, panel, studies
+from bench.cli import engine, fmu, measure, operate, own, panel, studies
 from bench.cli import scenario as scenario_cli
 from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Arguments, Assignments, Force
 from hil import compiled
 from hil.config.names import ClockName, LinkName
+from hil.errors import ConfigError
 
 app = typer.Typer(
     name="hil",
@@ -165,9 +166,12 @@ def report(
 @app.command()
 def check(
     what: Annotated[
-        Literal["machine", "trust"],
-        typer.Argument(help="What this machine can do, or is promised."),
+        Literal["machine", "trust", "law"],
+        typer.Argument(help="What this machine can do, what is promised, or a law of one's own."),
     ] = "machine",
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="The law's .py file, for `law`.")
+    ] = None,
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Few tries of each attack.")] = False,
     out: Annotated[
@@ -177,8 +181,15 @@ def check(
 ) -> None:
     """Say what this machine can do and how to mend what it cannot; or attack what is promised.
 
-    `trust` kills, stops and floods runs and damages logs. Exit code 1: a promise was not kept.
+    `trust` kills, stops and floods runs and damages logs; `law` tries whether a law of one's own
+    does what the loops rely on. Exit code 1: a promise was not kept.
     """
+    if what == "law":
+        from bench.own.conformance import run as conform
+
+        if file is None:
+            raise ConfigError("hil check law: accepted is a .py file, as in hil check law ./my.py")
+        raise typer.Exit(conform(file))
     if what == "trust":
         from bench.trust.page import run as attack
         from hil.files import Output
@@ -210,6 +221,7 @@ studies.register(app)
 bus_cli.register(app)
 engine.register(app)
 fmu.register(app)
+own.register(app)
 scenario_cli.register(app)
 
 

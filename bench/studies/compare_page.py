@@ -194,4 +194,5 @@ def colour_of(law: str) -> str:
     controlled = [name for name in LAWS if name != NO_CONTROL]
     if law == NO_CONTROL:
         return "uncontrolled"
-    return f"law{controlled.index(law) % _PALETTE}"
+    place = controlled.index(law) if law in controlled else len(controlled)
+    return f"law{place % _PALETTE}"

@@ -21,6 +21,8 @@ from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from controller.motion.laws import LAWS
+from controller.motion.own import own_settings, own_source
+from hil.brought import SUFFIX, name_of
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
@@ -73,6 +75,32 @@ OTHER_ENGINES = tuple(
 
 TUNABLE = {name: law.parameters for name, law in LAWS.items() if law.parameters}
 """Every law that has something to tune, with the keys of its gains below `controller.`."""
+
+
+def keys_of(law: str) -> tuple[str, ...]:
+    """Return the keys of a law's gains; of a file's law they are the numbers of its Settings.
+
+    Raises: ConfigError for a law without gains
+    """
+    if law in TUNABLE:
+        return TUNABLE[law]
+    if not law.endswith(SUFFIX):
+        raise ConfigError(
+            f"tune {law!r}: accepted are {', '.join(TUNABLE)}, or a file ending in .py"
+        )
+    keys = tuple(f"own.settings.{key}" for key in _own_gains(law))
+    if not keys:
+        raise ConfigError(f"tune {law}: its Settings declares no number")
+    return keys
+
+
+def _own_gains(file: str) -> Gains:
+    """The numbers of a file's Settings, as they are unless set otherwise."""
+    config = ControllerConfig(name=file)
+    source = own_source(config)
+    settings = None if source is None else own_settings(source[0], config, source[1])
+    given = {} if settings is None else settings.model_dump()
+    return {key: value for key, value in given.items() if isinstance(value, float)}
 
 
 def tree_of(cell: Cell, law: str, gains: Gains) -> dict[str, Any]:
@@ -129,7 +157,7 @@ def cost(law: str, vector: Sequence[float]) -> float:
     from paying for the last micrometre with a large overshoot. The constraint: with another engine
     than is believed no late error beyond `ROBUST_MM`; what is beyond counts ten times.
     """
-    gains = dict(zip(TUNABLE[law], vector, strict=True))
+    gains = dict(zip(keys_of(law), vector, strict=True))
     results = [judge(cell, law, gains) for cell in CELLS]
     others = [judge(cell, law, gains) for cell in OTHER_ENGINES]
     if any(len(result.errors_mm) < FEWEST_STROKES for result in results + others):
@@ -143,18 +171,20 @@ def looked_for(law: str, start: Gains, generations: int) -> Gains:
     """Differential evolution, seeded, within a factor of two about the gains in force."""
     from scipy.optimize import differential_evolution
 
-    x0 = [start[key] for key in TUNABLE[law]]
+    x0 = [start[key] for key in keys_of(law)]
     bounds = [sorted((0.5 * gain, min(2.0 * gain, 1.0) if law == "machine" and gain > 0.1
                       else 2.0 * gain)) for gain in x0]  # fmt: skip
     found = differential_evolution(
         lambda x: cost(law, list(x)), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
         polish=False,
     )  # fmt: skip
-    return dict(zip(TUNABLE[law], map(float, found.x), strict=True))
+    return dict(zip(keys_of(law), map(float, found.x), strict=True))
 
 
 def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
+    if law.endswith(SUFFIX):
+        return {f"own.settings.{key}": value for key, value in _own_gains(law).items()}
     found = {}
     for key in TUNABLE[law]:
         value: Any = ControllerConfig()
@@ -184,8 +214,7 @@ def run(
 
     Raises: ConfigError for a law without gains, or gains that cannot be read
     """
-    if law not in TUNABLE:
-        raise ConfigError(f"tune {law!r}: accepted are {', '.join(TUNABLE)}")
+    keys_of(law)
     file = None if out is None else Output("--out", out, force)
     if file is not None:
         file.check(".toml")
@@ -194,7 +223,7 @@ def run(
     if search:
         gains = looked_for(law, gains, generations)
     print(table(law, gains))
-    costs = tuple(cost(law, [g[key] for key in TUNABLE[law]]) for g in (before, gains))
+    costs = tuple(cost(law, [g[key] for key in keys_of(law)]) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")
     if file is not None:
         _write(law, gains, costs, file, generations if search else 0)
@@ -204,7 +233,7 @@ def run(
 
 def _read_gains(law: str, text: str) -> Gains:
     """Gains in the order of the law's keys."""
-    keys = TUNABLE[law]
+    keys = keys_of(law)
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
@@ -221,12 +250,12 @@ def _write(
     from bench.studies.campaign.table import to_toml
 
     tree = read_toml(find("load-decrease"))
-    tree = with_override(tree, "name", f"tuned-{law}")
+    tree = with_override(tree, "name", f"tuned-{name_of(law)}")
     tree = with_override(tree, "controller.name", law)
     for key, value in gains.items():
         tree = with_override(tree, f"controller.{key}", value)
     tree = with_override(tree, "controller.tuning", {
-        "law": law, "objective": " ".join((cost.__doc__ or "").split()),
+        "law": name_of(law), "objective": " ".join((cost.__doc__ or "").split()),
         "cells": [str(cell) for cell in (*CELLS, *OTHER_ENGINES)],
         "method": f"differential evolution, {generations} generations, seed 1"
         if generations else "judged only",

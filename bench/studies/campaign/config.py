@@ -16,7 +16,6 @@ from controller.motion.choice import check_name
 from hil import compiled
 from hil.config.base import OneOf, Section
 from hil.config.check import check
-from hil.config.controller import LawName
 from hil.config.load import build, with_override
 from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
@@ -99,7 +98,7 @@ class Campaign(Section):
     runs: int = Field(ge=1, le=1_000_000)
     seed: int = Field(default=1, ge=0, le=2**31)
     duration_s: float = Field(default=5.0, gt=0.0, le=3600.0)
-    controllers: tuple[LawName, ...] = ("cascade",)
+    controllers: tuple[str, ...] = ("cascade",)
     models: tuple[Model, ...] = ("harmonic",)
     prototypes: tuple[TwoChambers, ...] = (DEFAULT.name,)
     load: LoadSpread = LoadSpread()

@@ -1,0 +1,1 @@
+"""What a user brings: templates to begin from, and a law put through its paces."""
