@@ -14,11 +14,13 @@ from bench.studies.atlas.entries import (
     part_load,
     sensitivity,
     starting,
+    validation,
 )
 from bench.studies.atlas.entry import Entry
 
 _MODULES = (
     gas,
+    validation,
     motoring,
     cycles,
     advantages,
