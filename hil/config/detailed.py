@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from hil.config.base import Section
 from hil.config.check import check
 from hil.config.plant import PlantConfig
-from hil.config.prototypes import PROTOTYPES, Prototype, model_files
+from hil.config.prototypes import ENGINES, PROTOTYPES, Prototype, model_files
 from hil.config.ranges import (
     FlowKgS,
     ForceN,
@@ -383,9 +383,21 @@ def _taken_from_the_engine(path: Path) -> set[str]:
     }
 
 
+@lru_cache(maxsize=1)
+def literature() -> tuple[Calibration, ...]:
+    """Engines of the literature (thesis chapter 2), to be studied by themselves.
+
+    No controller runs them: some are faster than 8 m/s, the most that a position frame holds.
+
+    Raises: ConfigError when one of them cannot be used
+    """
+    paths = sorted((ENGINES / "literature").glob("*.toml"))
+    return tuple(check(Calibration, read_toml(path), str(path)) for path in paths)
+
+
 def names() -> tuple[str, ...]:
     """The calibrations that come with the project."""
-    return tuple(sorted(c.name for c in calibrations().values()))
+    return tuple(sorted(c.name for c in (*calibrations().values(), *literature())))
 
 
 def read(name: str) -> Calibration:
@@ -393,7 +405,7 @@ def read(name: str) -> Calibration:
 
     Raises: ConfigError when there is none
     """
-    for calibration in calibrations().values():
+    for calibration in (*calibrations().values(), *literature()):
         if calibration.name == name:
             return calibration
     raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")

@@ -10,6 +10,7 @@ from bench.studies.atlas.entries import (
     disturbances,
     gas,
     linear,
+    literature,
     motoring,
     part_load,
     sensitivity,
@@ -19,6 +20,7 @@ from bench.studies.atlas.entries import (
 from bench.studies.atlas.entry import Entry
 
 _MODULES = (
+    literature,
     gas,
     validation,
     motoring,
