@@ -6,7 +6,8 @@ from pydantic import ValidationError
 
 from bench.studies.atlas.command import results
 from bench.studies.engine.operation import operate
-from hil.config.detailed import MU_0, Circuit, Dq, Flux, Machine, read
+from hil.config.detailed import read
+from hil.config.detailed.machine import MU_0, Circuit, Dq, Flux, Machine
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.engines.detailed.figures import cycle_rows, settled

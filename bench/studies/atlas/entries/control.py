@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 from bench.judge.response import BAND_MM
-from bench.report.chart import Chart, Level, Series, series
 from bench.studies.atlas.entries.disturbances import course_of
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison, compare
+from bench.web.chart import Chart, Level, Series, series
 from hil.config.prototypes import NU
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc

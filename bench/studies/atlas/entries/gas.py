@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bench.report.chart import Chart, series
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.engine.operation import operate, started, varied
 from bench.studies.engine.trace import Trace
+from bench.web.chart import Chart, series
 from hil.config.detailed import Calibration, read
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import (

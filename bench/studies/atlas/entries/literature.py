@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bench.report.chart import Chart, series, thinned
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.engine.charts import pressure_volume
 from bench.studies.engine.operation import BAR, Operation, operate
+from bench.web.chart import Chart, series, thinned
 from hil.config.detailed import read
 
 _FITTED = "calibrated on it; what no table has is assumed in its calibration"

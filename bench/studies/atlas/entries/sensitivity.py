@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from bench.report.chart import Chart, series
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.engine.charts import fuel_charts
 from bench.studies.engine.sweep import FUEL_CHANGES, fuel_study
+from bench.web.chart import Chart, series
 from hil.config.prototypes import NU, Prototype
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import limit_cycle

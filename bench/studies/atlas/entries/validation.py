@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.report.chart import Chart, series
 from bench.studies.atlas.entry import Entry, Found
+from bench.web.chart import Chart, series
 from hil.config.detailed import calibrations, read
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Engine, Motion, engine_of, run_for, running, strokes
