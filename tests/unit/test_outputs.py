@@ -105,7 +105,7 @@ def test_a_check_leaves_no_trace(tmp_path):
 
 
 def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled(monkeypatch):
-    course = Course([], [], "safe")
+    course = Course([], [], "safe", [])
     result = tune.read_off(course, 0.0155)
     assert (result.errors_mm, result.settling_ms) == ((), math.inf)
     monkeypatch.setattr(tune, "simulate", lambda _scenario: course)

@@ -11,6 +11,7 @@ from bench.studies.atlas.entries import (
     gas,
     linear,
     literature,
+    machines,
     motoring,
     part_load,
     sensitivity,
@@ -22,6 +23,7 @@ from bench.studies.atlas.entry import Entry
 _MODULES = (
     literature,
     gas,
+    machines,
     validation,
     motoring,
     cycles,
