@@ -100,7 +100,8 @@ def estimator(_quick: bool) -> Found:
                ("run.duration_s", 1.2), ("events.load.at_s", at_s),
                ("events.load.at_stroke_fraction", 0.0)]  # fmt: skip
     scenario = resolve(scenarios.read("load-decrease", changes))
-    law = make_params(scenario.controller, scenario.plant.prototype, scenario.loop.period_ns)
+    engine = scenario.plant.believed()
+    law = make_params(scenario.controller, engine, scenario.loop.period_ns)
     assert law.stroke_map is not None
     loads = {False: NU.load_coefficient_n_s_m, True: share * NU.load_coefficient_n_s_m}
     shown = []
