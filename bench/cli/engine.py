@@ -11,7 +11,7 @@ import typer
 from bench.cli.options import Assignments, Force
 
 if TYPE_CHECKING:
-    from bench.report.chart import Chart
+    from bench.web.chart import Chart
     from hil.files import Output
 
 app = typer.Typer(

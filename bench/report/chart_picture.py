@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.report.chart import Chart
 from bench.report.style import HALF, style, svg
+from bench.web.chart import Chart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

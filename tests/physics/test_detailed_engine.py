@@ -6,7 +6,8 @@ from pydantic import ValidationError
 
 from bench.studies.atlas.command import results
 from bench.studies.engine.operation import operate
-from hil.config.detailed import Circuit, Dq, Machine, read
+from hil.config.detailed import read
+from hil.config.detailed.machine import MU_0, Circuit, Dq, Flux, Machine
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import at_rest, begin, engine_of, run_for, running, strokes
 from plant.engines.detailed.figures import cycle_rows, settled
@@ -232,6 +233,49 @@ def test_circuit_turns_work_into_heat_and_stored_energy(farad):
     stored = 0.5 * circuit.inductance_h * y[at.CURRENT] ** 2
     stored += 0.5 * y[at.CHARGE] ** 2 / farad if farad else 0.0
     assert y[at.Q_COPPER] + stored == pytest.approx(y[at.W_GENERATED], rel=1e-6)
+
+
+FLUX = Flux(
+    air_gap_m=1e-3, turns=400, coil_length_m=0.25, mmf_a=800.0, magnet_m=0.02, pole_pitch_m=0.03,
+    resistance_ohm=2.0, inductance_h=5e-3,
+)  # fmt: skip
+
+
+def test_flux_linkage_is_the_integral_of_the_field_under_the_coil():
+    """Eqs. 3.38 to 3.50, by quadrature; and the force constant is its slope (3.51)."""
+    x = np.linspace(0.0, FLUX.pole_pitch_m, 4001)
+    wave = np.where(np.abs(x - 0.015) < 0.5 * FLUX.magnet_m, FLUX.mmf_a, 0.0)
+    b_1 = 2.0 / FLUX.pole_pitch_m * np.trapezoid(wave * np.sin(np.pi * x / 0.03), x)
+    field = MU_0 / FLUX.air_gap_m * b_1 * np.sin(np.pi * x / 0.03)
+    linkage = FLUX.turns * FLUX.coil_length_m * np.trapezoid(field, x)
+    assert FLUX.linkage_v_s == pytest.approx(linkage, rel=1e-3)
+    assert FLUX.circuit.thrust_n_a == pytest.approx(np.pi / 0.03 * FLUX.linkage_v_s)
+
+
+def test_flux_machine_is_the_circuit_of_its_constants():
+    """Same motion to the bit; and its own resistance and the load's are parted (3.54)."""
+    circuit = FLUX.circuit
+    engine, y = electrical({"flux": FLUX})
+    assert np.array_equal(y, electrical({"circuit": circuit})[1])
+    stored = 0.5 * FLUX.inductance_h * y[at.CURRENT] ** 2
+    delivered = -y[at.W_TERMINAL]
+    assert delivered + y[at.Q_COPPER] + stored == pytest.approx(y[at.W_GENERATED], rel=1e-6)
+    total = circuit.thrust_n_a**2 / engine.calibration.machine.load_coefficient_n_s_m
+    assert delivered / y[at.Q_COPPER] == pytest.approx((total - 2.0) / 2.0, rel=1e-6)
+
+
+def test_a_machine_never_has_less_than_its_own_resistance():
+    """A load coefficient beyond K^2/R_S would ask for it: that is the short circuit."""
+    circuit = Circuit(thrust_n_a=74.4, emf_v_s_m=74.4, inductance_h=1e-3, resistance_ohm=14.0)
+    c = read("nu-two-stroke")
+    engine = engine_of(c.model_copy(update={"machine": c.machine.model_copy(
+        update={"circuit": circuit})}))  # fmt: skip
+    motion = running(engine)
+    motion.y[at.V], motion.y[at.CURRENT] = 1.0, 5.0
+    out = np.zeros(at.N_Y)
+    machine_force(engine.p, motion.d, motion.y, out, 0.0)
+    assert out[at.CURRENT] == pytest.approx((74.4 - 14.0 * 5.0) / 1e-3)
+    assert out[at.W_TERMINAL] == 0.0
 
 
 def test_capacitor_in_resonance_leaves_the_load_alone():

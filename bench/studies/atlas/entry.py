@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
-from bench.report.chart import Chart
 from bench.studies.atlas.facts import Fact, facts
+from bench.web.chart import Chart
 
 
 class Finding(NamedTuple):

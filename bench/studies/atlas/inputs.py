@@ -171,13 +171,36 @@ _BEIJING: dict[str, Read] = {
 }
 
 _LITERATURE: dict[str, Read] = {
+    "T2.4-bore": _in("wvu", "left.bore_m"),
+    "T2.4-max-stroke": _in("wvu", "left.length_m", 2.0),
+    "T2.4-intake-pressure": _in("wvu", "breathing.intake_pa"),
+    "T2.4-intake-temperature": _in("wvu", "breathing.intake_k"),
+    "T2.5-bore": _in("bounce-chamber", "left.bore_m"),
+    "T2.5-mass": _in("bounce-chamber", "mover.mass_kg"),
+    "T2.5-bounce-bore": _in("bounce-chamber", "right.bore_m"),
+    "T2.5-back-pressure": _in("bounce-chamber", "breathing.exhaust_pa"),
+    "T2.6-cylinder-length": _in("opposed", "left.length_m", 2.0),
     "T2.6-bore": _in("opposed", "left.bore_m"),
+    "T2.6-mass": _in("opposed", "mover.mass_kg", 0.5),
+    "T2.6-intake-temperature": _in("opposed", "breathing.intake_k"),
+    "T2.6-intake-pressure": _in("opposed", "breathing.intake_pa"),
+    "T2.6-exhaust-pressure": _in("opposed", "breathing.exhaust_pa"),
+    "T2.7-peak-force": _in("fpec", "machine.peak_force_n"),
+    "T2.7-bore": _in("fpec", "left.bore_m"),
+    "T2.7-mass": _in("fpec", "mover.mass_kg"),
     "T2.9-bore": _in("gas-spring", "left.bore_m"),
+    "T2.9-mass": _in("gas-spring", "mover.mass_kg"),
+    "T2.11-piston-diameter": _in("wvu", "left.bore_m"),
+    "T2.13-air-gap": _in("ulsan", "machine.flux.air_gap_m"),
+    "T2.13-bore": _in("ulsan", "left.bore_m"),
+    "T2.13-stroke": _in("ulsan", "left.length_m", 2.0),
+    "T2.13-mass": _in("ulsan", "mover.mass_kg"),
 }
 
 INPUTS: dict[str, Read] = {**_LITERATURE, **_NEWCASTLE, **_FAST, **_BEIJING}
 
 TOLD = {
+    "T2.6-mass": "of one piston: two move as one",
     "S3.2.2-rings": "the ring law of a calibration stands for a piston's whole set",
     "A1-T1-back-emf": "from line to line: sqrt(3) of the phase's, which follows from the thrust",
     "A1-T1-coil": "from line to line: two phases",

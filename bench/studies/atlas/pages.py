@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from bench.report.chart import Chart
-from bench.report.chart_plot import plot_of
 from bench.report.page import small_tile
 from bench.studies.atlas.criteria import DEVIATES, NOT_REPRODUCIBLE, VERDICTS, Judged
 from bench.studies.atlas.entry import Entry
 from bench.studies.atlas.facts import Fact, chapter_of, chapter_title
 from bench.studies.atlas.titles import title_of
+from bench.web.chart import Chart
+from bench.web.chart_plot import plot_of
 from bench.web.page import Page
 
 _STYLE: Final = """

@@ -16,9 +16,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from pathlib import Path
 from typing import Any
 
-from bench.report.chart import Chart, Level, Series
 from bench.studies.atlas.entries import ENTRIES
 from bench.studies.atlas.entry import Entry, Finding, Found
+from bench.web.chart import Chart, Level, Series
 from hil import compiled
 from hil.errors import HilError, RunError
 from hil.files import Output, read_regular

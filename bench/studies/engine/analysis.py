@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, Series, series
-from bench.report.chart_plot import plot_of
+from bench.web.chart import Chart, Level, Series, series
+from bench.web.chart_plot import plot_of
 from bench.web.page import Page
 from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.errors import ConfigError

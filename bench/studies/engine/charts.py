@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from bench.report.chart import Chart, Level, Series, series, thinned
 from bench.studies.engine.operation import BAR
 from bench.studies.engine.sweep import SWEEPS, SweepPoint
 from bench.studies.engine.trace import Trace
+from bench.web.chart import Chart, Level, Series, series, thinned
 
 _POWERS = (
     ("indicated", "indicated_w"),

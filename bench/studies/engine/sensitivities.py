@@ -9,10 +9,10 @@ from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from bench.run.sensitivities import identify
 from bench.studies.campaign.table import to_toml
-from hil.config.base import read_toml
-from hil.config.load import build, parse_assignment, with_override
+from hil.config.load import build, with_override
 from hil.config.motion.stroke_map import Effects, SensitivitiesConfig
 from hil.files import Output
+from hil.toml import assignments_of, read_toml
 
 
 def run(model: str, assignments: list[str], out: Path | None, *, force: bool) -> int:
@@ -24,7 +24,7 @@ def run(model: str, assignments: list[str], out: Path | None, *, force: bool) ->
     if file is not None:
         file.check(".toml")
     tree: dict[str, Any] = read_toml(find("steady"))
-    for key, value in [("plant.model", model), *map(parse_assignment, assignments)]:
+    for key, value in [("plant.model", model), *assignments_of(assignments)]:
         tree = with_override(tree, key, value)
     found = identify(resolve(build(tree, f"engine sensitivities of {model}")))
     print(table(found))

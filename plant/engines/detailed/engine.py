@@ -109,10 +109,12 @@ def _machine(c: Calibration, p: Array) -> None:
     p[at.PEAK_FORCE] = c.machine.peak_force_n
     p[at.SERVO], p[at.SERVO_A] = 1.0 / c.cycle.servo_s, c.cycle.acceleration_m_s2
     circuit, dq = c.machine.circuit, c.machine.dq
+    if c.machine.flux is not None:
+        circuit = c.machine.flux.circuit
     if circuit is not None:
         p[at.MACHINE] = at.CIRCUIT
         p[at.K_FORCE], p[at.K_EMF] = circuit.thrust_n_a, circuit.emf_v_s_m
-        p[at.INDUCTANCE] = circuit.inductance_h
+        p[at.RESISTANCE], p[at.INDUCTANCE] = circuit.resistance_ohm, circuit.inductance_h
         p[at.INV_CAPACITANCE] = 1.0 / circuit.capacitance_f if circuit.capacitance_f else 0.0
         p[at.POLE_PITCH] = circuit.pole_pitch_m or 0.0
     elif dq is not None:

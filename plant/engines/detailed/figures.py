@@ -20,8 +20,9 @@ class Figures(NamedTuple):
 
     speed_rpm: oscillations a minute (thesis section 4.2: equivalent crankshaft speed)
     electric_w: P_e = P_i - P_f - P_c, P_c the motor's power whether it drives or brakes (4.1, 4.2);
-        of a dq machine that at its terminals, of an engine held at a speed what the drive takes
-    copper_w: heat of a dq machine's winding, taken off before its terminals
+        of a machine with a winding that at its terminals, of an engine held at a speed what the
+        drive takes
+    copper_w: heat of that winding, taken off before its terminals
     compression_ratio: effective, from the closing of the last valve to the dead centre
     fuel_kg_kwh: for the indicated work
     """
@@ -101,7 +102,7 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
         exhaust_w=_both(powers, at.H_EX) - _both(powers, at.H_IN),
         leak_w=_both(powers, at.H_LEAK),
         pump_w=-pump,
-        copper_w=float(powers[at.Q_COPPER]) * _is_dq(engine),
+        copper_w=float(powers[at.Q_COPPER]) * has_winding(engine),
         fuel_w=fuel,
         efficiency=indicated / fuel if fuel else 0.0,
         fuel_kg_kwh=(
@@ -110,13 +111,14 @@ def figures(engine: Engine, motion: Motion, cycles: int = 10) -> Figures:
     )
 
 
-def _is_dq(engine: Engine) -> bool:
-    return bool(engine.p[at.MACHINE] == at.DQ)
+def has_winding(engine: Engine) -> bool:
+    """Whether the machine's own resistance is told: it delivers at its terminals."""
+    return bool(engine.p[at.MACHINE] == at.DQ or engine.p[at.RESISTANCE] > 0.0)
 
 
 def _electric(engine: Engine, powers: Array, on_the_mover_w: float) -> float:
     """Return the electric power; `on_the_mover_w` is that of eq. 4.1."""
-    if _is_dq(engine):
+    if has_winding(engine):
         return -float(powers[at.W_TERMINAL])
     if engine.calibration.cycle.kind == "speed":
         return float(powers[at.W_GENERATED] - powers[at.W_MOTORED])

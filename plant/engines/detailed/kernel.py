@@ -155,13 +155,13 @@ def rates(p: Array, d: Array, y: Array, out: Array, t: float) -> None:
 
 @compiled
 def electric_power(p: Array, d: Array, y: Array, out: Array) -> float:
-    """What the machine delivers [W]: a dq machine at its terminals, any other on the mover."""
+    """What the machine delivers [W], at its terminals where it has a winding, else on the mover."""
     if d[at.SPEED_REF] != 0.0:  # a servo's force is what all others leave to it
         rates(p, d, y, out, d[at.T])
     elif p[at.MACHINE] == at.LOAD_CONSTANT:
         return float((d[at.LOAD] * d[at.LOAD_SCALE] * y[at.V] - d[at.FORCE]) * y[at.V])
     else:
         machine_force(p, d, y, out, 0.0)
-    if p[at.MACHINE] == at.DQ:
+    if p[at.MACHINE] == at.DQ or p[at.RESISTANCE] > 0.0:
         return float(-out[at.W_TERMINAL])
     return float(out[at.W_GENERATED] - out[at.W_MOTORED])

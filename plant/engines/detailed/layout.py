@@ -24,7 +24,8 @@ Q_FUEL, Q_WALL, W_GAS, H_IN, H_EX, H_LEAK, M_IN, M_EX, M_LEAK = range(9)
     30, 39
 )
 """P_MOTOR: size of the motor's power, driving or braking (thesis eq. 4.2); Q_COPPER: heat of the
-winding, with a circuit also of its load; W_TERMINAL: what a dq machine takes from its supply."""
+winding, with a circuit whose resistances are one also of its load; W_TERMINAL: what a dq machine
+takes from its supply, and less than nothing where a circuit feeds its load."""
 N_Y: Final = 39
 
 # --- d: events and orders ------------------------------------------------------------------
@@ -91,7 +92,7 @@ LOAD_CONSTANT, CIRCUIT, DQ = range(3)
     MACHINE,  # what kind of linear machine
     K_FORCE,
     K_EMF,
-    RESISTANCE,  # of a phase of the dq machine
+    RESISTANCE,  # of a phase of the dq machine; of a circuit's machine, 0: not parted from the load
     INDUCTANCE,
     INV_CAPACITANCE,
     POLE_PITCH,  # of a circuit, 0: thrust constant everywhere; else K cos(pi x / tau) (3.50, 3.51)

@@ -46,18 +46,22 @@ def servo_force(p: Array, d: Array, y: Array, other: float) -> float:
 def circuit_force(p: Array, y: Array, out: Array, load: float) -> float:
     """Force -K i of a circuit  L i' = K_e v - R i - q/C, q' = i     (thesis eqs. 3.51 to 3.54).
 
-    The load sets the resistance, R = R_S + R_L = K_A K_e / C_e (3.56); K is constant, or
-    K cos(pi x / tau) of one coil (3.50).
+    The load sets the resistance, R = R_S + R_L = K_A K_e / C_e (3.56), no less than R_S; K is
+    constant, or K cos(pi x / tau) of one coil (3.50).
     """
     shape = 1.0
     if p[at.POLE_PITCH] > 0.0:
         shape = math.cos(math.pi * y[at.X] / p[at.POLE_PITCH])
     i = y[at.CURRENT]
-    total = p[at.K_FORCE] * p[at.K_EMF] / load
+    own = p[at.RESISTANCE]
+    total = max(p[at.K_FORCE] * p[at.K_EMF] / load, own)
     drop = total * i + p[at.INV_CAPACITANCE] * y[at.CHARGE]
     out[at.CURRENT] = (p[at.K_EMF] * shape * y[at.V] - drop) / p[at.INDUCTANCE]
     out[at.CHARGE] = i
     out[at.Q_COPPER] = total * i * i
+    if own > 0.0:
+        out[at.Q_COPPER] = own * i * i
+        out[at.W_TERMINAL] = -(total - own) * i * i
     return float(-p[at.K_FORCE] * shape * i)
 
 

@@ -12,7 +12,7 @@ from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import Engine, Motion, engine_of, running, strokes
-from plant.engines.detailed.figures import compressed
+from plant.engines.detailed.figures import compressed, has_winding
 from plant.engines.detailed.solver import advance, scratch
 from plant.engines.detailed.types import Array
 
@@ -125,8 +125,8 @@ def _last_cycle(engine: Engine, motion: Motion) -> Settled | None:
 
 
 def _electric_j(engine: Engine, sums: Array) -> float:
-    """What the machine has delivered: a dq machine at its terminals, any other on the mover."""
-    if engine.p[at.MACHINE] == at.DQ:
+    """What the machine has delivered: at its terminals if it has a winding, else on the mover."""
+    if has_winding(engine):
         return -float(sums[at.W_TERMINAL])
     return float(sums[at.W_GENERATED] - sums[at.W_MOTORED])
 

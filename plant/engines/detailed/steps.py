@@ -175,7 +175,8 @@ def machine_rate(p: Array, d: Array) -> float:
     fastest = 0.0
     load = d[at.LOAD] * d[at.LOAD_SCALE]
     if p[at.MACHINE] == at.CIRCUIT and load > 0.0:
-        fastest = p[at.K_FORCE] * p[at.K_EMF] / load / p[at.INDUCTANCE]
+        ohm = max(p[at.K_FORCE] * p[at.K_EMF] / load, p[at.RESISTANCE])
+        fastest = ohm / p[at.INDUCTANCE]
         fastest = max(fastest, math.sqrt(p[at.INV_CAPACITANCE] / p[at.INDUCTANCE]))
     elif p[at.MACHINE] == at.DQ:
         fastest = max(p[at.REGULATOR], p[at.RESISTANCE] / p[at.INDUCTANCE])

@@ -10,15 +10,21 @@ from bench.studies.atlas.entries import (
     disturbances,
     gas,
     linear,
+    literature,
+    machines,
     motoring,
     part_load,
     sensitivity,
     starting,
+    validation,
 )
 from bench.studies.atlas.entry import Entry
 
 _MODULES = (
+    literature,
     gas,
+    machines,
+    validation,
     motoring,
     cycles,
     advantages,

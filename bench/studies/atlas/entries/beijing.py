@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, thinned
 from bench.studies.atlas.entries.measures import constant_volume, middle_flatness, power_stroke
 from bench.studies.atlas.entries.part_load import picked, rising, told
 from bench.studies.atlas.entry import Entry, Finding, Found
@@ -16,6 +15,7 @@ from bench.studies.engine.charts import pressure_volume
 from bench.studies.engine.operation import BAR, Operation, operate, operation_of, part_load
 from bench.studies.engine.sweep import SweepPoint, sweep
 from bench.studies.engine.trace import Trace
+from bench.web.chart import Chart, Level, thinned
 from hil.config.detailed import read
 
 _NAME = "bit-running"

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from functools import lru_cache
 
 from bench.judge.response import BAND_MM
-from bench.report.chart import Chart, Level, Series, series
 from bench.studies.atlas.entries.disturbances import course_of
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison, compare
+from bench.web.chart import Chart, Level, Series, series
 from hil.config.prototypes import NU
+from plant.engines.fast.combustion import energy_j, sine_force_n
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc
 
 CASCADE, SINGLE = "cascade", "single-loop"
 DOWN, UP = 0.85, 1.15
 _SAME_KG = 1e-3
+_TARGETS_W = (1200.0, 1300.0, 1400.0, 1500.0)
 _TIME = "time after the step [ms]"
 
 
@@ -236,10 +240,33 @@ def levels(_quick: bool) -> Found:
     )  # fmt: skip
 
 
+def supervision(_quick: bool) -> Found:
+    """Level two holds a power: fuel and load such that TDC stays (Fig. 6.1)."""
+    k = constants_of(NU, "harmonic")
+    reached, errors = [], []
+    for watts in _TARGETS_W:
+        run = course_of("steady", loop__clock="lockstep", run__duration_s=4.0,
+                        controller__supervisory__target_power_w=watts)  # fmt: skip
+        end = run.dead_centres[-21:]
+        omega = math.pi * 1e9 * (len(end) - 1) / (end[-1].t_ns - end[0].t_ns)
+        works = [0.5 * sine_force_n(k, energy_j(k, dc.fuel_kg)) * abs(dc.x_m) for dc in end]
+        reached.append(omega * statistics.fmean(works))
+        errors.append(max(abs(abs(dc.x_m) - NU.tdc_ref_m) for dc in end))
+    off = max(abs(p / w - 1.0) for p, w in zip(reached, _TARGETS_W, strict=True))
+    told = f"{', '.join(f'{p:.1f}' for p in reached)} W, TDC within {1e6 * max(errors):.0f} um"
+    curve = series("reached", _TARGETS_W, reached, "both")
+    return Found(
+        {"F6.1-supervisor": Finding(off < 0.01 and max(errors) < 1e-4, told)},
+        (Chart("Power that is held", "target power [W]", "electric power [W]", (curve,)),),
+    )
+
+
 ENTRIES = (
     Entry("F6.1", "Levels of control at work",
           ("F6.1-start", "F6.1-piston", "F6.1-timing", "F6.1-actuator", "F6.1-prototype",
            "S6.2.3-injection"), levels, "hil run start-restart", 3.0),
+    Entry("F6.3", "Power that the supervisory level holds", ("F6.1-supervisor",), supervision,
+          "hil run steady --set controller.supervisory.target_power_w=1300", 4.0),
     Entry("F6.7", "Cascade after a load decrease: TDC and fuel",
           ("F6.7-settling", "F6.7-current-cycle", "F6.8-fuel-*", "F6.8-first-action",
            "F6.8-variation-small", "S6.3-*", "S7.1-*"), decrease,

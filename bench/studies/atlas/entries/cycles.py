@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, Series, series, thinned
 from bench.studies.atlas.entries.measures import constant_volume, middle_flatness, shape_agreement
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.atlas.facts import printed
 from bench.studies.engine.charts import pressure_volume
 from bench.studies.engine.operation import BAR, Operation, operate
 from bench.studies.engine.trace import Trace
+from bench.web.chart import Chart, Level, Series, series, thinned
 from hil.config.detailed import read
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.figures import Figures

@@ -6,11 +6,11 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from bench.report.chart import Chart, Level, Series, series
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.studies.atlas.entry import Entry, Finding, Found
+from bench.web.chart import Chart, Level, Series, series
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
 from hil.toml import read_toml

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bench.report.chart import Chart, series
 from bench.studies.atlas.entry import Entry, Finding, Found
-from bench.studies.engine.operation import operate, started, varied
+from bench.studies.engine.operation import operate, varied
 from bench.studies.engine.trace import Trace
+from bench.web.chart import Chart, series
 from hil.config.detailed import Calibration, read
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import (
@@ -24,7 +24,6 @@ from plant.engines.detailed.engine import (
 )
 from plant.engines.detailed.gas import heat_release, heat_to_wall
 from plant.engines.detailed.kernel import case_pressure, rates, ring_friction
-from plant.engines.detailed.machine import machine_force
 from plant.engines.detailed.solver import advance, scratch
 from plant.engines.detailed.types import Array
 
@@ -130,35 +129,6 @@ def _machine_friction() -> Finding:
         rates(engine.p, d, y, out, 0.0)
         found.append(float(out[at.W_FRICTION]) / v)
     return Finding(abs(found[1] - found[0]) < 1e-9, f"{found[0]:.1f} and {found[1]:.1f} N")
-
-
-def machine(_quick: bool) -> Found:
-    """The load circuit without inductance and capacitor (eq. 3.55), and the starting force."""
-    engine = engine_of(read(_TWO))
-    motion = running(engine)
-    y, d = motion.y.copy(), motion.d.copy()
-    v = np.linspace(-3.0, 3.0, 61)
-    force = []
-    for speed in v:
-        y[at.V] = speed
-        force.append(float(machine_force(engine.p, d, y, np.zeros(at.N_Y), 0.0)))
-    moving = np.abs(v) > 1e-9
-    slope = np.array(force)[moving] / v[moving]
-    straight = float(np.ptp(slope))
-    findings = {"E3.55-load-circuit": Finding(
-        straight < 1e-9, f"{-slope[-1]:.0f} N/(m/s) at every speed"
-    ), "A1-motor-force": _starting_force()}  # fmt: skip
-    return Found(findings, (Chart("Machine force", "speed [m/s]", "force [N]",
-                                  (series("generating", v, force),)),))  # fmt: skip
-
-
-def _starting_force() -> Finding:
-    """Work of the machine over the path is the ordered force, whichever way the piston goes."""
-    rows = started(read(_START), 110.0)
-    path = float(np.sum(np.abs(np.diff(rows[:, at.REC_X]))))
-    work = float(rows[-1, at.REC_SUMS + at.W_MOTORED] - rows[0, at.REC_SUMS + at.W_MOTORED])
-    mean = work / path
-    return Finding(abs(mean / 110.0 - 1.0) < 0.02, f"{mean:.1f} N in the mean of 110 N")
 
 
 def valves(_quick: bool) -> Found:
@@ -295,5 +265,4 @@ ENTRIES = (
           ("S3.2.3-*", "A1-gas-exchange-pressure", "A1-scavenge", "S3.3.2-step", "A1-step"),
           exchange),
     Entry("E3.18", "Heat to the wall and heat release", ("E3.18-*",), heat),
-    Entry("E3.55", "Load circuit", ("E3.55-*", "A1-motor-force"), machine),
 )  # fmt: skip

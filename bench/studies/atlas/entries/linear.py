@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, series
 from bench.studies.atlas.entries.disturbances import open_loop
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.atlas.facts import printed
 from bench.studies.engine import analysis
+from bench.web.chart import Chart, Level, series
 from hil.config.prototypes import BIT, NU, Prototype
 from plant.engines.fast.combustion import Burn, energy_j, force_n, sine_force_n
 from plant.engines.fast.constants import Constants, constants_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, series, thinned
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.atlas.facts import printed
 from bench.studies.engine.charts import pressure_volume
 from bench.studies.engine.operation import BAR, motored
 from bench.studies.engine.trace import cycle
+from bench.web.chart import Chart, Level, series, thinned
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.engine import strokes
 

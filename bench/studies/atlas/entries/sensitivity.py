@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
-from bench.report.chart import Chart, series
+from bench.run import scenarios
+from bench.run.offline import simulate
+from bench.run.resolve import resolve
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.engine.charts import fuel_charts
 from bench.studies.engine.sweep import FUEL_CHANGES, fuel_study
+from bench.web.chart import Chart, series
+from controller.build import make_params
 from hil.config.prototypes import NU, Prototype
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import limit_cycle
@@ -88,7 +93,34 @@ def fuel(_quick: bool) -> Found:
     return Found(findings, fuel_charts(rows))
 
 
+def estimator(_quick: bool) -> Found:
+    """TDC as the controller's map of a stroke tells it beforehand (App. II Fig. 7)."""
+    at_s, share = 0.5, 0.85
+    changes = [("controller.name", "open-loop"), ("loop.clock", "lockstep"),
+               ("run.duration_s", 1.2), ("events.load.at_s", at_s),
+               ("events.load.at_stroke_fraction", 0.0)]  # fmt: skip
+    scenario = resolve(scenarios.read("load-decrease", changes))
+    engine = scenario.plant.believed()
+    law = make_params(scenario.controller, engine, scenario.loop.period_ns)
+    assert law.stroke_map is not None
+    loads = {False: NU.load_coefficient_n_s_m, True: share * NU.load_coefficient_n_s_m}
+    shown = []
+    for a, b in pairwise(simulate(scenario).dead_centres[10:]):
+        t_s, load = 1e-9 * b.t_ns, loads[1e-9 * b.t_ns > at_s + 0.04]
+        predicted_m = law.stroke_map.end_of(a.fuel_kg, load, abs(a.x_m))
+        shown.append((t_s, 1e3 * abs(b.x_m), 1e3 * predicted_m))
+    known = [row for row in shown if not at_s < row[0] < at_s + 0.06]
+    worst = max(abs(reached - told) for _, reached, told in known)
+    t = [row[0] for row in shown]
+    curves = (series("reached", t, [row[1] for row in shown], "both"),
+              series("told a stroke before", t, [row[2] for row in shown], "both"))  # fmt: skip
+    told = f"within {1e3 * worst:.2f} um from fuel, load and the dead centre before"
+    return Found({"A2-F7-estimator": Finding(worst < 0.01, told)},
+                 (Chart("TDC over a load step", "time [s]", "TDC [mm]", curves),))  # fmt: skip
+
+
 ENTRIES = (
+    Entry("A2-F7", "Estimator of TDC", ("A2-F7-estimator",), estimator),
     Entry("T6.1", "What TDC and speed depend on", ("T6.1-*", "A2-F7-dependence"), sensitivities),
     Entry("F6.2", "TDC and speed over fuel",
           ("F6.2-fuel-*", "F6.2-tdc-*", "F6.2-speed-*", "S6.2.1-variation*"), fuel,

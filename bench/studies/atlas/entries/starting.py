@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.report.chart import Chart, Level, series
 from bench.studies.atlas.entries.disturbances import course_of
 from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.studies.atlas.facts import printed
 from bench.studies.engine.charts import starting_chart
 from bench.studies.engine.operation import BAR, started, starting_peaks
 from bench.studies.engine.sweep import STARTING_FORCES_N, starting_study
+from bench.web.chart import Chart, Level, series
 from hil.config.detailed import Calibration, ideal, read
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.types import Array

@@ -12,19 +12,17 @@ from pydantic import Field, model_validator
 
 from hil.config.base import Section
 from hil.config.check import check
+from hil.config.detailed.machine import Machine
 from hil.config.plant import PlantConfig
-from hil.config.prototypes import PROTOTYPES, Prototype, model_files
+from hil.config.prototypes import ENGINES, PROTOTYPES, Prototype, model_files
 from hil.config.ranges import (
     FlowKgS,
-    ForceN,
     Gamma,
     GasConstant,
     HeatingValue,
-    LoadCoefficient,
     MassKg,
     PressurePa,
     Restitution,
-    StartForceN,
     TemperatureK,
 )
 from hil.errors import ConfigError
@@ -147,46 +145,6 @@ class Friction(Section):
     oil_reference_c: float = Field(gt=0.0, le=400.0)
     p_reference_pa: PressurePa
     bore_reference_m: Metres
-
-
-class Circuit(Section):
-    """Equivalent circuit (3.54); thrust and back-EMF constants, and pole pitch for one coil."""
-
-    thrust_n_a: float = Field(gt=0.0, le=1e4)
-    emf_v_s_m: float = Field(gt=0.0, le=1e4)
-    inductance_h: float = Field(gt=1e-6, le=10.0)
-    capacitance_f: float | None = Field(default=None, gt=0.0, le=1e3)
-    pole_pitch_m: float | None = Field(default=None, gt=1e-3, le=1.0)
-
-
-class Dq(Section):
-    """Three-phase machine in dq coordinates (App. I eqs. 22, 23) on current regulators.
-
-    regulator_s: time constant of the regulators; supply_v: greatest phase voltage
-    """
-
-    thrust_n_a: float = Field(gt=0.0, le=1e4)
-    resistance_ohm: float = Field(ge=0.0, le=1e3)
-    inductance_h: float = Field(gt=1e-6, le=10.0)
-    pole_pitch_m: float = Field(gt=1e-3, le=1.0)
-    regulator_s: float = Field(gt=1e-5, le=0.1)
-    supply_v: float = Field(gt=0.0, le=1e5)
-
-
-class Machine(Section):
-    """Linear machine: load constant (3.56), a circuit, or a dq machine."""
-
-    load_coefficient_n_s_m: LoadCoefficient
-    peak_force_n: ForceN
-    start_force_n: StartForceN
-    circuit: Circuit | None = None
-    dq: Dq | None = None
-
-    @model_validator(mode="after")
-    def _is_one_machine(self) -> Self:
-        if self.circuit is not None and self.dq is not None:
-            raise ValueError("circuit and dq are two kinds of machine; accepted is one")
-        return self
 
 
 class Cycle(Section):
@@ -336,9 +294,21 @@ def _taken_from_the_engine(path: Path) -> set[str]:
     }
 
 
+@lru_cache(maxsize=1)
+def literature() -> tuple[Calibration, ...]:
+    """Engines of the literature (thesis chapter 2), to be studied by themselves.
+
+    No controller runs them: some are faster than 8 m/s, the most that a position frame holds.
+
+    Raises: ConfigError when one of them cannot be used
+    """
+    paths = sorted((ENGINES / "literature").glob("*.toml"))
+    return tuple(check(Calibration, read_toml(path), str(path)) for path in paths)
+
+
 def names() -> tuple[str, ...]:
     """The calibrations that come with the project."""
-    return tuple(sorted(c.name for c in calibrations().values()))
+    return tuple(sorted(c.name for c in (*calibrations().values(), *literature())))
 
 
 def read(name: str) -> Calibration:
@@ -346,7 +316,7 @@ def read(name: str) -> Calibration:
 
     Raises: ConfigError when there is none
     """
-    for calibration in calibrations().values():
+    for calibration in (*calibrations().values(), *literature()):
         if calibration.name == name:
             return calibration
     raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")

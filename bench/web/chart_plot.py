@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-from bench.report.chart import Chart, Level, Series
+from bench.web.chart import Chart, Level, Series
 from bench.web.plot import Plot
 from bench.web.plot import Series as Curve
 
