@@ -121,7 +121,7 @@ def simulate(scenario: Resolved) -> Course:
         inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w, 0, valve)
         mind, output = controller.step.step(law, mind, inputs)
         if said is None or not _says_the_same(output, said):
-            command = _command_of(output)
+            command = command_of(output)
         said = output
     return course._replace(mode=mind.mode.name.lower())
 
@@ -138,7 +138,7 @@ def _says_the_same(output: Output, before: Output) -> bool:
     )
 
 
-def _command_of(output: Output) -> Command:
+def command_of(output: Output) -> Command:
     """What the plant would decode of an answer."""
     machine = MachineOrder(output.machine.mode, output.machine.force_n, output.machine.load_n_s_m)
     pulses = tuple(

@@ -14,7 +14,7 @@ from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
-from controller.performance import Steady
+from controller.performance import Performance, Steady
 from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
@@ -122,6 +122,10 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     """Give set point, limit, loads and preset, each unless the scenario has it."""
     given = scenario.controller
     tdc_m = given.tdc_ref_m if given.tdc_ref_m is not None else prototype.tdc_ref_m
+    chosen = given.supervisory.choice == "efficiency" and given.tdc_ref_m is None
+    if chosen and given.supervisory.target_power_w is not None:
+        known = Performance(given, prototype, scenario.loop.period_ns * 1e-9)
+        tdc_m = known.best(given.supervisory.target_power_w)[0]
     tree["tdc_ref_m"] = tdc_m
     supervisory = given.supervisory
     if supervisory.load_coefficient_n_s_m is None:
