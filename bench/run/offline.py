@@ -135,6 +135,7 @@ def _says_the_same(output: Output, before: Output) -> bool:
         and new.mode == old.mode
         and new.force_n == old.force_n
         and new.load_n_s_m == old.load_n_s_m
+        and output.throttle == before.throttle
     )
 
 
@@ -145,4 +146,4 @@ def command_of(output: Output) -> Command:
         PulseOrder(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000)
         for p in output.pulses[:MAX_PULSES]
     )
-    return Command(machine, pulses, output.may_fire)
+    return Command(machine, pulses, output.may_fire, output.throttle)

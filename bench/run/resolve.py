@@ -15,12 +15,19 @@ from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
 from controller.performance import Performance, Steady
+from controller.supervisory import Supervisor
 from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
+<<<<<<< HEAD
 from hil.config.prototypes import Prototype
+=======
+from hil.config.plant import AirConfig
+from hil.config.prototypes import PROTOTYPES, Prototype
+>>>>>>> fcb7b01 (The throttle reaches the plant: manifold pressure with a lag, trapped air, lambda, and a limit of what burns)
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
+from hil.config.supervisory.air import AirKnowledge
 from hil.errors import ConfigError
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle, steady_at
@@ -116,6 +123,9 @@ def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]
         section = reduce(dict.__getitem__, keys, tree)
         for key in figures.keys() - given.model_fields_set:
             section[key] = getattr(prototype, figures[key])
+    given_air = scenario.controller.air.model_fields_set
+    for key in AirConfig.model_fields.keys() & AirKnowledge.model_fields.keys() - given_air:
+        tree["controller"]["air"][key] = getattr(scenario.plant.air, key)
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
@@ -145,6 +155,16 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     if given.open_loop.fuel_kg is None:
         tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
+    _fill_throttle(scenario, prototype, tree)
+
+
+def _fill_throttle(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Begin at the opening that the controller will choose, where it chooses one."""
+    filled = check(ControllerConfig, tree, scenario.name)
+    supervisor = Supervisor(
+        filled, prototype, scenario.loop.period_ns * 1e-9, tree["limits"]["tdc_m"]
+    )
+    tree["supervisory"]["throttle"] = supervisor.initial().throttle
 
 
 def _start_load(
@@ -161,7 +181,7 @@ def _start_load(
         return Steady(fuel_kg, cycle.v_mid_m_s, stroke_s, here_w)
 
     guess = load_for_power(prototype, tdc_m, max(power_w, 1.0))
-    return start_load(given, period_s, guess, at)
+    return start_load(given, prototype, period_s, guess, at)
 
 
 def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:

@@ -20,6 +20,7 @@ from bench.run.offline import command_of
 from bench.run.resolve import resolve
 from bench.studies.campaign.table import to_toml
 from controller.mode.start_restart import GENERATING
+from controller.performance import SteadyLimits
 from controller.safety import limit_fuel
 from controller.state import Inputs, State, StrokeReport
 from hil.config.base import read_toml
@@ -78,6 +79,8 @@ class Stand:
         self.law = controller.build.make_params(
             scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
         )
+        engine = PROTOTYPES[scenario.plant.prototype]
+        self.limits = SteadyLimits(scenario.controller, engine, self.law.dt_s)
 
     def begin(self) -> Checkpoint:
         """Begin the run."""
@@ -123,7 +126,7 @@ def measured(stand: Stand, at: Checkpoint, tdc_m: float, load: float) -> tuple[C
     at, found, why = stand.strokes(at, MEAN_STROKES)
     if why:
         return at, Point(load, reason=why)
-    if any(_is_limited(stand, stroke) for stroke in found):
+    if any(_is_limited(stand, at.mind.set_points.most_kg, stroke) for stroke in found):
         return at, Point(load, reason="the fuel is at its limit")
     tdcs = [stroke.tdc_m for stroke in found]
     off_m = abs(_mean(tdcs) - tdc_m)
@@ -132,12 +135,12 @@ def measured(stand: Stand, at: Checkpoint, tdc_m: float, load: float) -> tuple[C
     return at, _point(stand, load, found)
 
 
-def _is_limited(stand: Stand, stroke: StrokeReport) -> bool:
-    limits, throttle = stand.law.limits, stand.scenario.controller.supervisory.throttle
+def _is_limited(stand: Stand, most_kg: float, stroke: StrokeReport) -> bool:
+    limits = stand.law.limits
     more = stroke.demand.of(stroke.demand.fuel_kg * 1.001)
     less = stroke.demand.of(stroke.demand.fuel_kg * 0.999)
-    return limit_fuel(limits, throttle, more) is not more or (
-        limit_fuel(limits, throttle, less) is not less
+    return limit_fuel(limits, most_kg, more) is not more or (
+        limit_fuel(limits, most_kg, less) is not less
     )
 
 
@@ -146,12 +149,10 @@ def _point(stand: Stand, load: float, found: Sequence[StrokeReport]) -> Point:
     power_w = _mean([stroke.power_w or 0.0 for stroke in found])
     fuel_kg = _mean([stroke.demand.fuel_kg for stroke in found])
     stroke_s = _mean([0.5 / stroke.speed_hz for stroke in found if stroke.speed_hz])
-    control = stand.scenario.controller
-    most_kg = (1.0 - control.supervisory.fuel_reserve) * control.limits.fuel_max_kg
     return Point(
         load, power_w, fuel_kg, _mean([stroke.v_mid_m_s for stroke in found]), stroke_s,
         power_w * stroke_s / (fuel_kg * heating_value_j_kg(stand.scenario)),
-        min(max(fuel_kg / most_kg, 0.01), 1.0),
+        stand.limits.throttle_for(fuel_kg),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from hil.config.motion.laws import (
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, CommandedLoad, StaleS, StartForceN, TdcRefM
+from hil.config.supervisory.air import AirKnowledge
 from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import (
     InjectorKnowledge,
@@ -178,6 +179,7 @@ class ControllerConfig(Section):
     supervisory: SupervisoryConfig = SupervisoryConfig()
     timing: TimingConfig = TimingConfig()
     cycle: CycleConfig = CycleConfig()
+    air: AirKnowledge = AirKnowledge()
     injector: InjectorKnowledge = InjectorKnowledge()
     valves: ValvesKnowledge = ValvesKnowledge()
     limits: LimitsConfig = LimitsConfig()

@@ -14,8 +14,10 @@ from hil.config.ranges import (
     DeadTimeS,
     FlowKgS,
     LoadCoefficient,
+    PressurePa,
     Restitution,
     StaleS,
+    TemperatureK,
 )
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
@@ -84,6 +86,25 @@ class DisturbanceConfig(Tunable):
                 f" {self.efficiency_high:g}"
             )
         return self
+
+
+class AirConfig(Section):
+    """The air path: throttle, manifold, and what the trapped air lets burn (thesis eq. 5.28).
+
+    limit: whether the fast models burn no more fuel than their air is enough for; the thesis's
+        have no such limit
+    manifold_pa: pressure behind an open throttle, the engine's unless given
+    temperature_k: of the trapped air, the engine's unless given
+    lag_s: time constant with which the manifold follows the throttle
+    rich_limit, lean_limit: lambda outside of which nothing burns; assumed, of petrol
+    """
+
+    limit: bool = False
+    manifold_pa: PressurePa | None = None
+    temperature_k: TemperatureK | None = None
+    lag_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.05
+    rich_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.6
+    lean_limit: Annotated[float, Field(ge=1.0, le=100.0)] = 1.7
 
 
 class InjectorConfig(Tunable):
@@ -187,6 +208,7 @@ class PlantConfig(Section):
     own: OwnEngineConfig = OwnEngineConfig()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
+    air: AirConfig = AirConfig()
     valves: ValvesConfig = ValvesConfig()
     drive: Literal["programme", "commands"] = Field(
         "programme", description="what moves the machine of a four-stroke engine; set by the bench"

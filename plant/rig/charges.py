@@ -47,6 +47,8 @@ def at_dead_centre(
     spark_ns = pulses.spark_ns[side]
     d, cause = disturbances.take_misfire(s.disturbances)
     reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, stop)
+    air_kg = trapped_kg(p, s)
+    reason = reason or p.intake.objection(air_kg, fuel_kg)
     goes_on = p.engine.every_stroke and s.stroke.charge.fuel_kg > 0.0
     if reason and (cause or fuel_kg > 0.0 or spark_ns >= 0 or goes_on):
         events.append(Event(nearest(stop.t_ns), MISFIRE, f"{SIDES[side]}: {reason}"))
@@ -54,7 +56,20 @@ def at_dead_centre(
     s = s.but(pulses=pulses, disturbances=d)
     if reason:
         return s, NO_CHARGE
-    return s, Charge(fuel_kg, efficiency(p, d.efficiency, number))
+    burnt_kg, ratio = p.intake.burnt_kg(air_kg, fuel_kg), p.intake.lambda_of(air_kg, fuel_kg)
+    return s, Charge(burnt_kg, efficiency(p, d.efficiency, number), ratio)
+
+
+def of_air(p: PlantParams, charge: Charge) -> Charge:
+    """A charge that burns before anything is known of the throttle: with that wide open."""
+    air_kg = p.intake.full_pa * p.intake.air_kg_pa
+    ratio = p.intake.lambda_of(air_kg, charge.fuel_kg)
+    return Charge(charge.fuel_kg, charge.efficiency, ratio)
+
+
+def trapped_kg(p: PlantParams, s: PlantState) -> float:
+    """Air of the charge ahead: what was in the manifold when its compression began [kg]."""
+    return s.manifold.pressure_pa(s.stroke.start_ns) * p.intake.air_kg_pa
 
 
 def _lit(
@@ -108,7 +123,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
     if reason:
         events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
     else:
-        lit = Charge(fuel, eta)
+        lit = Charge(fuel, eta, p.intake.lambda_of(trapped_kg(p, s), fuel))
     pulses = actuation.scavenge(s.pulses, p.injector, side, float(t_ns))
     # This spark stays known, so that its charge does not count as unlit.
     pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns, pulses.valves)

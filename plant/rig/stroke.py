@@ -52,7 +52,9 @@ def next_stroke(
     """Enter a dead centre with what burns, or has burnt, at it."""
     return s.but(
         stroke=Stroke(number, direction, dc_ns, x_m, charge),
-        dead_centre=DeadCentre(number, dc_ns, x_m, charge.fuel_kg, charge.efficiency),
+        dead_centre=DeadCentre(
+            number, dc_ns, x_m, charge.fuel_kg, charge.efficiency, charge.lambda_ratio
+        ),
     )
 
 

@@ -113,7 +113,14 @@ def _fill_load(scenario: Scenario, c: Calibration, control: dict[str, Any]) -> N
     running = Running(c, control["tdc_ref_m"], nominal_kg, load)
     given = check(ControllerConfig, control, scenario.name)
     guess = load * (target_w / nominal.power_w) ** _LOAD_BY_POWER
-    found = start_load(given, scenario.loop.period_ns * 1e-9, guess, running.at, _POWER_SHARE)
+    found = start_load(
+        given,
+        PROTOTYPES[prototype_of(scenario)],
+        scenario.loop.period_ns * 1e-9,
+        guess,
+        running.at,
+        _POWER_SHARE,
+    )
     preset["load_coefficient_n_s_m"], preset["fuel_kg"] = found, running.at(found).fuel_kg
 
 

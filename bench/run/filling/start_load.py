@@ -8,6 +8,7 @@ from typing import Final
 
 from controller.performance import LOAD_MAX_N_S_M, Steady, SteadyLimits
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import Prototype
 from hil.errors import ConfigError
 from hil.roots import secant
 
@@ -21,7 +22,7 @@ Model = Callable[[float], Steady]
 
 
 def start_load(
-    given: ControllerConfig, period_s: float, guess_n_s_m: float, at: Model,
+    given: ControllerConfig, engine: Prototype, period_s: float, guess_n_s_m: float, at: Model,
     relative: float = _PRECISION,
 ) -> float:  # fmt: skip
     """Return the load that delivers the target power, or the nearest within the limits [N s/m].
@@ -30,7 +31,7 @@ def start_load(
     """
     target_w = given.supervisory.target_power_w
     assert target_w is not None, "asked only where there is a target"
-    limits, throttle = SteadyLimits(given, period_s), given.supervisory.throttle
+    limits, throttle = SteadyLimits(given, engine, period_s), given.supervisory.throttle
 
     def room(load: float) -> float:
         try:
