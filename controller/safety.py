@@ -7,7 +7,7 @@ from typing import final
 
 from controller.actuator import Machine
 from controller.motion.law import Demand
-from controller.performance import LOAD_MAX_N_S_M
+from controller.supervision.performance import LOAD_MAX_N_S_M
 from hil.config.controller import LimitsConfig
 
 

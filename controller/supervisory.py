@@ -1,8 +1,8 @@
 """Level 2, supervisory: TDC set point, throttle and external load from a target power.
 
-The load for a power comes from what is known of the engine (controller/performance.py) and is
-corrected by the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref
-once a stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
+The load for a power comes from what is known of the engine (controller/supervision) and is corrected
+by the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref  once a
+stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
 """
 
 from __future__ import annotations
@@ -12,8 +12,14 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from controller.knowledge import OperatingPoint
-from controller.observe.air import Air
-from controller.performance import LOAD_MAX_N_S_M, Performance, Reach, full_load, nominal_load
+from controller.supervision.air import Air
+from controller.supervision.performance import (
+    LOAD_MAX_N_S_M,
+    Performance,
+    Reach,
+    full_load,
+    nominal_load,
+)
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value, replace

@@ -14,7 +14,7 @@ from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
-from controller.performance import Performance, Steady
+from controller.supervision.performance import Performance, Steady
 from controller.supervisory import Supervisor
 from controller.timing import budget
 from hil.config.check import check

@@ -20,9 +20,9 @@ from bench.run.offline import command_of
 from bench.run.resolve import resolve
 from bench.studies.campaign.table import to_toml
 from controller.mode.start_restart import GENERATING
-from controller.performance import SteadyLimits
 from controller.safety import limit_fuel
 from controller.state import Inputs, State, StrokeReport
+from controller.supervision.performance import SteadyLimits
 from hil.config.base import read_toml
 from hil.config.detailed import calibrations
 from hil.config.load import build, with_override

@@ -5,7 +5,7 @@ import pytest
 from bench.cli import app
 from bench.dev.golden_cases import LOCKSTEP, Case, scenario_for
 from bench.studies import performance
-from controller.performance import Performance
+from controller.supervision.performance import Performance
 from hil.config.prototypes import NU
 from hil.config.supervisory.performance import PerformanceMap
 from hil.errors import ConfigError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bench.run.filling.start_load import start_load
-from controller.performance import Steady
+from controller.supervision.performance import Steady
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
 from hil.config.detailed import Calibration

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from controller.performance import LOAD_MAX_N_S_M, Steady, SteadyLimits
+from controller.supervision.performance import LOAD_MAX_N_S_M, Steady, SteadyLimits
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.errors import ConfigError

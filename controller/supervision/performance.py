@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final, final
 
 from controller.knowledge import OperatingPoint, fuel_per_speed, load_for_power, steady
-from controller.observe.air import LEAST_THROTTLE, Air
+from controller.supervision.air import LEAST_THROTTLE, Air
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.config.supervisory.performance import PerformanceMap
