@@ -1,7 +1,7 @@
 """Level 2, supervisory: TDC set point, throttle and external load from a target power.
 
-The load for a power comes from what is known of the engine (controller/supervision) and is corrected
-by the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref  once a
+The load for a power comes from what is known of the engine (controller/supervision), corrected by
+the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref  once a
 stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
 """
 

@@ -19,12 +19,8 @@ from controller.supervisory import Supervisor
 from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
-<<<<<<< HEAD
-from hil.config.prototypes import Prototype
-=======
 from hil.config.plant import AirConfig
-from hil.config.prototypes import PROTOTYPES, Prototype
->>>>>>> fcb7b01 (The throttle reaches the plant: manifold pressure with a lag, trapped air, lambda, and a limit of what burns)
+from hil.config.prototypes import Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.config.supervisory.air import AirKnowledge
@@ -150,8 +146,8 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     load = tree["supervisory"]["load_coefficient_n_s_m"]
     if supervisory.target_power_w is not None and tree["preset"]["load_coefficient_n_s_m"] is None:
         filled = check(ControllerConfig, tree, scenario.name)
-        load = _start_load(filled, prototype, engine, scenario.loop.period_ns * 1e-9)
-        tree["preset"]["load_coefficient_n_s_m"] = load
+        load, limit = _start_load(filled, prototype, engine, scenario.loop.period_ns * 1e-9)
+        tree["preset"] |= {"load_coefficient_n_s_m": load, "limit": limit}
     if given.open_loop.fuel_kg is None:
         tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
@@ -169,7 +165,7 @@ def _fill_throttle(scenario: Scenario, prototype: Prototype, tree: dict[str, Any
 
 def _start_load(
     given: ControllerConfig, prototype: Prototype, engine: Constants, period_s: float
-) -> float:
+) -> tuple[float, str]:
     """Return the load with which the engine's own model delivers the target power [N s/m]."""
     tdc_m, power_w = given.tdc_ref_m, given.supervisory.target_power_w
     assert tdc_m is not None
@@ -181,7 +177,8 @@ def _start_load(
         return Steady(fuel_kg, cycle.v_mid_m_s, stroke_s, here_w)
 
     guess = load_for_power(prototype, tdc_m, max(power_w, 1.0))
-    return start_load(given, prototype, period_s, guess, at)
+    reach = start_load(given, prototype, period_s, guess, at)
+    return reach.load_n_s_m, reach.limit
 
 
 def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:

@@ -77,9 +77,9 @@ class Stand:
         self.scenario = scenario
         self.params = plant.build.make_params(scenario)
         self.law = controller.build.make_params(
-            scenario.controller, scenario.plant.prototype, scenario.loop.period_ns
+            scenario.controller, scenario.plant.believed(), scenario.loop.period_ns
         )
-        engine = PROTOTYPES[scenario.plant.prototype]
+        engine = scenario.plant.believed()
         self.limits = SteadyLimits(scenario.controller, engine, self.law.dt_s)
 
     def begin(self) -> Checkpoint:

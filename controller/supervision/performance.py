@@ -20,7 +20,6 @@ LOAD_MAX_N_S_M: Final = 10_000.0
 """What the wire carries at the most."""
 
 _TO_LIMIT: Final = 1e-9
-_TO_TARGET: Final = 5e-3
 
 
 @final
@@ -193,12 +192,7 @@ class Performance:
         preset = self._preset
         if preset.load_coefficient_n_s_m is None or preset.power_w is None:
             return self.reach(self.tdc_m, power_w, throttle)
-        load, limit = self.load_n_s_m, ""
-        if preset.power_w < (1.0 - _TO_TARGET) * power_w:
-            limit = self._limits.tightest(self.steady(self.tdc_m, load), load, throttle)[1]
-        elif preset.power_w > (1.0 + _TO_TARGET) * power_w:
-            limit = self._least_load(self.tdc_m)[1]
-        return Reach(load, limit)
+        return Reach(self.load_n_s_m, preset.limit)
 
     def best(self, power_w: float) -> tuple[float, float]:
         """Dead centre [m] and throttle of the row that delivers a power with the least fuel.

@@ -136,6 +136,7 @@ class Preset(Section):
     """The operating point about which the laws work; the bench computes it from the model.
 
     load_coefficient_n_s_m: its load, where a target power asks for another than the supervisory's
+    limit: what keeps it from the target power, if something does
     """
 
     fuel_kg: FuelKg | None = None
@@ -144,6 +145,7 @@ class Preset(Section):
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
     load_coefficient_n_s_m: CommandedLoad | None = None
     power_w: float | None = Field(default=None, ge=0.0, le=1.0e5)
+    limit: str = Field(default="", max_length=120)
 
 
 class Tuning(Section):

@@ -115,13 +115,15 @@ def _fill_load(scenario: Scenario, c: Calibration, control: dict[str, Any]) -> N
     guess = load * (target_w / nominal.power_w) ** _LOAD_BY_POWER
     found = start_load(
         given,
-        PROTOTYPES[prototype_of(scenario)],
+        scenario.plant.believed(),
         scenario.loop.period_ns * 1e-9,
         guess,
         running.at,
         _POWER_SHARE,
     )
-    preset["load_coefficient_n_s_m"], preset["fuel_kg"] = found, running.at(found).fuel_kg
+    load = found.load_n_s_m
+    fuel_kg = running.at(load).fuel_kg
+    preset |= {"load_coefficient_n_s_m": load, "fuel_kg": fuel_kg, "limit": found.limit}
 
 
 class Running:
