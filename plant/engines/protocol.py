@@ -188,6 +188,10 @@ class Moved(Value):
         self.at_end = at_end
 
 
+SLOW_SIGNALS: Final = ("power", "p_left", "p_right")
+"""As faults of their sensors name them."""
+
+
 @final
 class Sensed(Value):
     """What there is to be sensed besides position and velocity."""
@@ -198,6 +202,12 @@ class Sensed(Value):
         self.p_left_pa = p_left_pa
         self.p_right_pa = p_right_pa
         self.electric_power_w = electric_power_w
+
+    def of(self, signal: str) -> float:
+        """One of the `SLOW_SIGNALS`."""
+        if signal == "power":
+            return self.electric_power_w
+        return self.p_left_pa if signal == "p_left" else self.p_right_pa
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)  # an engine of a user need not be compiled

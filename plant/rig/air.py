@@ -22,14 +22,23 @@ class Intake(Value):
     """What does not change: pressure of the open throttle, lag, and what a charge takes in.
 
     air_kg_pa: mass of trapped air by manifold pressure; limits: whether it limits what burns
-    rich, lean: lambda outside of which nothing burns
+    rich, lean: lambda outside of which nothing burns; kelvin: temperature of that air
     """
 
-    __slots__ = ("full_pa", "lag_ns", "air_kg_pa", "air_fuel_ratio", "limits", "rich", "lean")
+    __slots__ = (
+        "full_pa",
+        "lag_ns",
+        "air_kg_pa",
+        "air_fuel_ratio",
+        "limits",
+        "rich",
+        "lean",
+        "kelvin",
+    )
 
     def __init__(
         self, full_pa: float, lag_ns: float, air_kg_pa: float, air_fuel_ratio: float, limits: bool,
-        rich: float, lean: float,
+        rich: float, lean: float, kelvin: float,
     ) -> None:  # fmt: skip
         self.full_pa = full_pa
         self.lag_ns = lag_ns
@@ -38,6 +47,7 @@ class Intake(Value):
         self.limits = limits
         self.rich = rich
         self.lean = lean
+        self.kelvin = kelvin
 
     def lambda_of(self, air_kg: float, fuel_kg: float) -> float:
         """Lambda = m_air / (AFR m_fuel), nought without fuel."""
@@ -100,5 +110,5 @@ def intake_of(config: AirConfig, engine: Prototype) -> Intake:
     volume_m3 = engine.area_m2 * engine.half_stroke_m
     return Intake(
         full_pa, config.lag_s * 1e9, volume_m3 / (engine.gas_constant_j_kg_k * kelvin),
-        engine.air_fuel_ratio, config.limit, config.rich_limit, config.lean_limit,
+        engine.air_fuel_ratio, config.limit, config.rich_limit, config.lean_limit, kelvin,
     )  # fmt: skip

@@ -126,6 +126,7 @@ def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
         return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
     levels = s.pulses.valves.levels if p.engine.valves else _NO_VALVES
     share = s.manifold.pressure_pa(s.tick * p.period_ns) / p.intake.full_pa
+    share *= p.config.disturbance.manifold_scale
     return Inputs(s.machine, levels, _NO_FUEL, _NO_SPARK, share)
 
 
