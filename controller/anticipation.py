@@ -46,7 +46,7 @@ def braking(
 def _steady(params: Params, set_points: SetPoints, fuelling: Fuelling) -> Demand:
     """The fuel that strokes have needed of late, for one of which the law cannot be asked."""
     demand = Demand(set_points.point.fuel_kg + fuelling.beyond_kg, set_points.point.v_mid_m_s)
-    return safety.limit_fuel(params.limits, set_points.throttle, demand)
+    return safety.limit_fuel(params.limits, set_points.most_kg, demand)
 
 
 def unasked(

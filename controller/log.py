@@ -102,7 +102,7 @@ def _add_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> None:
         stroke.number, tick, t_ns, stroke.side, stroke.tdc_m, stroke.tdc_ref_m, stroke.v_mid_m_s,
         demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
         demand.inner_p_kg, demand.inner_i_kg, _known(stroke.speed_hz),
-        _known(stroke.power_w), _known(stroke.power_ref_w),
+        _known(stroke.power_w), _known(stroke.power_ref_w), _known(stroke.lambda_ratio),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import final
 
 from controller.actuator import Machine
 from controller.motion.law import Demand
-from controller.performance import LOAD_MAX_N_S_M
+from controller.supervision.performance import LOAD_MAX_N_S_M
 from hil.config.controller import LimitsConfig
 
 
@@ -20,14 +20,10 @@ class Limits:
         self.fuel_max_kg = config.fuel_max_kg
         self.force_n = config.force_n
 
-    def most_kg(self, throttle: float) -> float:
-        """The most fuel that the throttle admits [kg]."""
-        return self.fuel_max_kg * throttle
 
-
-def limit_fuel(limits: Limits, throttle: float, demand: Demand) -> Demand:
-    """Keep the fuel within what an injector can do and the throttle admits."""
-    most = max(limits.most_kg(throttle), limits.fuel_min_kg)
+def limit_fuel(limits: Limits, most_kg: float, demand: Demand) -> Demand:
+    """Keep the fuel within what an injector can do, and throttle or air admit."""
+    most = max(most_kg, limits.fuel_min_kg)
     fuel = min(max(demand.fuel_kg, limits.fuel_min_kg), most)
     return demand if fuel == demand.fuel_kg else demand.of(fuel)
 

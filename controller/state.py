@@ -148,17 +148,17 @@ class Inputs(Value):
 
 @final
 class StrokeReport(Value):
-    """One finished stroke, for the log; speed, power and its target are None when not known."""
+    """One finished stroke, for the log; what is not known is None."""
 
     __slots__ = (
         "number", "side", "tdc_m", "tdc_ref_m", "v_mid_m_s", "demand", "speed_hz", "power_w",
-        "power_ref_w",
+        "power_ref_w", "lambda_ratio",
     )  # fmt: skip
 
     def __init__(
         self, number: i64, side: i64, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
         demand: Demand, speed_hz: float | None = None, power_w: float | None = None,
-        power_ref_w: float | None = None,
+        power_ref_w: float | None = None, lambda_ratio: float | None = None,
     ) -> None:  # fmt: skip
         self.number = number
         self.side = side
@@ -169,6 +169,7 @@ class StrokeReport(Value):
         self.speed_hz = speed_hz
         self.power_w = power_w
         self.power_ref_w = power_ref_w
+        self.lambda_ratio = lambda_ratio
 
 
 @final
@@ -202,6 +203,23 @@ def view_of(
     limits = params.limits
     return View(
         params.dt_s, motion, passed, set_points.tdc_ref_m, set_points.load_n_s_m, set_points.point,
-        power_w, fuelling.burnt_kg, limits.fuel_min_kg, limits.most_kg(set_points.throttle),
+        power_w, fuelling.burnt_kg, limits.fuel_min_kg, set_points.most_kg,
         params.stroke_map,
+    )  # fmt: skip
+
+
+def report_of(
+    params: Params, state: State, motion: Motion, set_points: SetPoints, power_w: float | None
+) -> StrokeReport | None:
+    """The stroke that has ended, if it was one to end in a combustion."""
+    if not params.timings.fire(motion.stroke - 1):
+        return None
+    begun_ns, target = state.motion.dc_t_ns, set_points.target
+    lasted_s = float(motion.dc_t_ns - begun_ns) * 1e-9
+    fuel_kg, air = state.fuelling.demand.fuel_kg, params.supervisor.air
+    lambda_ratio = air.lambda_of(set_points.manifold_pa, fuel_kg) if fuel_kg > 0.0 else None
+    return StrokeReport(
+        motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
+        state.fuelling.demand, 0.5 / lasted_s if begun_ns >= 0 and lasted_s > 0.0 else None,
+        power_w, None if target is None else target.within_w, lambda_ratio,
     )  # fmt: skip

@@ -27,7 +27,7 @@ from controller.observe.estimate import (
     seconds_to_dead_centre,
 )
 from controller.orders import machine_order, obey, with_valves
-from controller.state import Inputs, Output, Params, State, StrokeReport, view_of
+from controller.state import Inputs, Output, Params, State, report_of, view_of
 from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position
 from controller.timing.advance import is_far, postponed
@@ -57,7 +57,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     metering, stroke = state.metering, None
     if seen.passed.dead_centre:
         metering = power.ended(metering, seen.motion.dc_t_ns)
-        stroke = _report(params, state, seen.motion, set_points, metering.mean_w)
+        stroke = report_of(params, state, seen.motion, set_points, metering.mean_w)
         if seen.whole:
             set_points, told = _regulated(params, state, seen.motion, set_points, metering.mean_w)
             events = (*events, *told) if told else events
@@ -123,25 +123,9 @@ def _regulated(
     """Level 2: the load by the power of the stroke that has ended, once the law is in charge."""
     if not _is_steered(params, state):
         return set_points, ()
-    most_kg = params.limits.most_kg(set_points.throttle)
     is_low = set_points.tdc_ref_m - motion.tdc_m > SHORT_M
-    is_short = is_low and state.fuelling.demand.fuel_kg >= most_kg
+    is_short = is_low and state.fuelling.demand.fuel_kg >= set_points.most_kg
     return params.supervisor.regulated(set_points, power_w, is_short)
-
-
-def _report(
-    params: Params, state: State, motion: Motion, set_points: SetPoints, power_w: float | None
-) -> StrokeReport | None:
-    """The stroke that has ended, if it was one to end in a combustion."""
-    if not params.timings.fire(motion.stroke - 1):
-        return None
-    begun_ns, target = state.motion.dc_t_ns, set_points.target
-    lasted_s = float(motion.dc_t_ns - begun_ns) * 1e-9
-    return StrokeReport(
-        motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
-        state.fuelling.demand, 0.5 / lasted_s if begun_ns >= 0 and lasted_s > 0.0 else None,
-        power_w, None if target is None else target.within_w,
-    )  # fmt: skip
 
 
 def _fuel(
@@ -164,7 +148,7 @@ def _fuel(
         return fuelling, plan, set_points.load_n_s_m
     view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w)
     if due:
-        fuelling = _asked(params, state, fuelling, view, set_points.throttle)
+        fuelling = _asked(params, state, fuelling, view, set_points.most_kg)
         plan = plan_injection(
             params.timings, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
             fuelling.demand.fuel_kg,
@@ -174,7 +158,7 @@ def _fuel(
             plan = postponed(params.timings, plan, ends_ns)
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
-    return _trimmed(params, law, fuelling, plan, view, set_points.throttle)
+    return _trimmed(params, law, fuelling, plan, view, set_points.most_kg)
 
 
 def _burnt(state: State, motion: Motion) -> Fuelling:
@@ -212,7 +196,7 @@ def _is_to_fire(params: Params, state: State, motion: Motion, set_points: SetPoi
 
 
 def _asked(
-    params: Params, state: State, fuelling: Fuelling, view: View, throttle: float
+    params: Params, state: State, fuelling: Fuelling, view: View, most_kg: float
 ) -> Fuelling:
     """The fuel for the dead centre ahead; after a restart that of the strokes before it."""
     operation = state.operation
@@ -220,18 +204,18 @@ def _asked(
         fuelling = fuelling.asked_open(view)
     else:
         fuelling = fuelling.asked(params.law_of(fuelling.law_name), view)
-    return fuelling.demanding(safety.limit_fuel(params.limits, throttle, fuelling.demand))
+    return fuelling.demanding(safety.limit_fuel(params.limits, most_kg, fuelling.demand))
 
 
 def _trimmed(
-    params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, throttle: float
+    params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, most_kg: float
 ) -> tuple[Fuelling, Plan, float]:
     """Let the law watch the tick, and retime the injection that is still to be trimmed."""
     motion = view.motion
     fuelling, trim = fuelling.watched(law, view, plan.fuel_kg)
     if trim.fuel_kg is not None and plan.fuel_kg > 0.0:
         wanted = fuelling.demand.of(trim.fuel_kg)
-        fuelling = fuelling.demanding(safety.limit_fuel(params.limits, throttle, wanted))
+        fuelling = fuelling.demanding(safety.limit_fuel(params.limits, most_kg, wanted))
     if plan.injection is not None and plan.injection.close_ns > motion.t_ns:
         timings, load = params.timings, law.load_of(fuelling.law, view.load_n_s_m)
         ahead_s = seconds_to_spark(

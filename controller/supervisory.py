@@ -1,8 +1,8 @@
 """Level 2, supervisory: TDC set point, throttle and external load from a target power.
 
-The load for a power comes from what is known of the engine (controller/performance.py) and is
-corrected by the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref
-once a stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
+The load for a power comes from what is known of the engine (controller/supervision), corrected by
+the power that is measured:  c = c(P_ref, TDC) (1 + I),  I += g (P_ref - P) / P_ref  once a
+stroke. Without a target power the configured load holds (thesis section 6.1.3, level 2).
 """
 
 from __future__ import annotations
@@ -12,7 +12,14 @@ from typing import Final, final
 from mypy_extensions import i64
 
 from controller.knowledge import OperatingPoint
-from controller.performance import LOAD_MAX_N_S_M, Performance, Reach, full_load, nominal_load
+from controller.supervision.air import Air
+from controller.supervision.performance import (
+    LOAD_MAX_N_S_M,
+    Performance,
+    Reach,
+    full_load,
+    nominal_load,
+)
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value, replace
@@ -98,16 +105,19 @@ class SetPoints(Value):
 
     tdc_target_m, load_target_n_s_m are where set point and load are moving to; `point` belongs to
     tdc_ref and load.
+    manifold_pa: pressure in the intake manifold, as estimated; most_kg: the fuel that it admits, or
+    the throttle does
     """
 
     __slots__ = (
         "tdc_ref_m", "tdc_target_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point",
-        "target",
+        "target", "manifold_pa", "most_kg",
     )  # fmt: skip
 
     def __init__(
         self, tdc_ref_m: float, tdc_target_m: float, load_n_s_m: float, load_target_n_s_m: float,
         throttle: float, point: OperatingPoint, target: Target | None = None,
+        manifold_pa: float = 0.0, most_kg: float = 0.0,
     ) -> None:  # fmt: skip
         self.tdc_ref_m = tdc_ref_m
         self.tdc_target_m = tdc_target_m
@@ -116,6 +126,8 @@ class SetPoints(Value):
         self.throttle = throttle
         self.point = point
         self.target = target
+        self.manifold_pa = manifold_pa
+        self.most_kg = most_kg
 
 
 @final
@@ -133,6 +145,7 @@ class Supervisor:
         self._limit_m = limit_m
         self._tdc_step_m = section.tdc_step_m
         self.performance = Performance(config, engine, period_s, begun)
+        self.air = Air(config, engine)
         self.full_load_n_s_m = full_load(config, engine)
         self.nominal_load_n_s_m = nominal_load(config, engine)
         self._target_w = section.target_power_w
@@ -149,7 +162,11 @@ class Supervisor:
         throttle = self._throttle
         if target_w is not None and self._chooses:
             throttle = known.best(target_w)[1]
-        now = SetPoints(tdc_m, tdc_m, load, load, throttle, known.point(tdc_m, load))
+        point = known.point(tdc_m, load)
+        throttle = self.air.throttle_for(point.fuel_kg, throttle)
+        p_pa = throttle * self.air.full_pa
+        most_kg = self.air.most_kg(throttle, p_pa)
+        now = SetPoints(tdc_m, tdc_m, load, load, throttle, point, None, p_pa, most_kg)
         if target_w is None:
             return now
         return self._aimed(now, target_w, known.at_start(target_w, throttle))
@@ -163,7 +180,7 @@ class Supervisor:
             tdc = tdc_ref_m
         elif power_w is not None and self._chooses:
             tdc, throttle = self.performance.best(power_w)
-        after = self.approach(replace(now, tdc_target_m=tdc, throttle=throttle))
+        after = self.approach(self._throttled(replace(now, tdc_target_m=tdc), throttle, 0.0))
         if power_w is None and now.target is not None:
             power_w = now.target.asked_w
         if power_w is None:
@@ -209,10 +226,13 @@ class Supervisor:
         most = now.tdc_ref_m + min(step_m, max(0.5 * (self._limit_m - now.tdc_ref_m), 0.0))
         tdc_m = max(min(now.tdc_target_m, most), now.tdc_ref_m - step_m)
         point = self.performance.point(tdc_m, now.load_n_s_m)
-        return replace(now, tdc_ref_m=tdc_m, point=point)
+        now = replace(now, tdc_ref_m=tdc_m, point=point)
+        return self._throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
 
     def slew(self, now: SetPoints, dt: float) -> SetPoints:
-        """Move the load towards its target by what one tick allows."""
+        """Move the load towards its target by what one tick allows, the air after the throttle."""
+        if now.manifold_pa != now.throttle * self.air.full_pa:
+            now = self._throttled(now, now.throttle, dt)
         if now.load_n_s_m == now.load_target_n_s_m:
             return now
         most = self._slew_n_s_m_s * dt
@@ -221,15 +241,16 @@ class Supervisor:
         if abs(gap) > most:
             load = now.load_n_s_m + (most if gap > 0 else -most)
         point = self.performance.point(now.tdc_ref_m, load)
-        return SetPoints(
-            now.tdc_ref_m,
-            now.tdc_target_m,
-            load,
-            now.load_target_n_s_m,
-            now.throttle,
-            point,
-            now.target,
-        )
+        now = replace(now, load_n_s_m=load, point=point)
+        return self._throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
+
+    def _throttled(self, now: SetPoints, throttle: float, dt: float) -> SetPoints:
+        """Set the throttle, let the manifold follow it for a time, and see what fuel it admits."""
+        p_pa = self.air.followed_pa(now.manifold_pa, throttle, dt)
+        if not self.air.limits:
+            p_pa = throttle * self.air.full_pa
+        most_kg = self.air.most_kg(throttle, p_pa)
+        return replace(now, throttle=throttle, manifold_pa=p_pa, most_kg=most_kg)
 
     def regulated(
         self, now: SetPoints, power_w: float | None, is_short: bool

@@ -8,6 +8,7 @@ from functools import cache
 EFFICIENCY = 1
 SENSOR = 2
 VALVE = 3
+INJECTOR = 4
 STIMULUS = 16
 """Streams; of stimuli this and those after it."""
 

@@ -200,7 +200,8 @@ def _read(
 
 def _commanded(machine: MachineCommand | None, pulses: list[Pulse], mode: int) -> Command:
     """What the frames of one answer order, in the plant's own terms."""
-    order = None
+    order, throttle = None, -1.0
     if machine is not None:
         order = MachineOrder(machine.mode, machine.force_n, machine.load_coefficient_n_s_m)
-    return Command(order, wire.orders_of(pulses), wire.may_fire(mode))
+        throttle = machine.throttle
+    return Command(order, wire.orders_of(pulses), wire.may_fire(mode), throttle)

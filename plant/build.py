@@ -12,6 +12,7 @@ from hil.stimuli.player import player_of
 from hil.wire.commands import PLANT, TimedCommand
 from plant.engines import build_engine
 from plant.loop import PlantLoop
+from plant.rig.air import still
 from plant.rig.beginning import initial_state
 from plant.rig.events import Event
 from plant.rig.params import PlantParams, checked_period_ns, rig_params
@@ -49,9 +50,11 @@ def begin(scenario: Resolved, params: PlantParams) -> tuple[PlantState, tuple[Ev
     preset, load_n_s_m = controller.preset, controller.supervisory.load_coefficient_n_s_m
     if preset.load_coefficient_n_s_m is not None:
         load_n_s_m = preset.load_coefficient_n_s_m
-    return initial_state(
+    state, events = initial_state(
         params, preset.fuel_kg if scenario.begins == "settled" else None, load_n_s_m
     )
+    manifold = still(params.intake, controller.supervisory.throttle)
+    return state.but(manifold=manifold), events
 
 
 def patience_ns(scenario: Resolved) -> int:

@@ -34,7 +34,8 @@ def _add_truth(tick: int, t_ns: int, s: PlantState) -> None:
     m, dc = s.motion, s.dead_centre
     packing.truth(
         tick, t_ns, m.x_m, m.v_m_s, dc.fuel_kg, s.machine.load_coefficient_n_s_m,
-        s.disturbances.mask, dc.number, dc.t_ns, dc.x_m, s.contacts,
+        s.disturbances.mask, dc.number, dc.t_ns, dc.x_m, s.contacts, dc.lambda_ratio,
+        s.manifold.pressure_pa(t_ns),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from hil.values import Value
 from hil.wire.commands import TimedCommand
 from hil.wire.messages import VALVES, ValveMove
 from hil.wire.pulses import wrap_us
-from plant.engines.protocol import Sensed
+from plant.engines.protocol import SLOW_SIGNALS, Sensed
 from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
 
@@ -34,8 +34,19 @@ def sample(p: PlantParams, s: PlantState) -> Sample:
 
 
 def sensed(p: PlantParams, s: PlantState) -> Sensed:
-    """Pressures and electric power at the start of tick s.tick; these sensors have no faults."""
-    return p.engine.sensed(s.motion, s.machine)
+    """Measure pressures and electric power at the start of tick s.tick."""
+    true = p.engine.sensed(s.motion, s.machine)
+    return _substitute_slow(p, s, true) if s.disturbances.faults else true
+
+
+def _substitute_slow(p: PlantParams, s: PlantState, true: Sensed) -> Sensed:
+    told = {signal: true.of(signal) for signal in SLOW_SIGNALS}
+    for index, held in s.disturbances.faults:
+        event = p.events[index]
+        signal = event.text("signal")
+        if signal in told:
+            told[signal] = _replaced(event, told[signal], held.slow)
+    return Sensed(told["p_left"], told["p_right"], told["power"])
 
 
 def valve_move(p: PlantParams, s: PlantState) -> ValveMove | None:
@@ -70,7 +81,7 @@ def _substitute(p: PlantParams, s: PlantState, true: Sample) -> Sample:
         event = p.events[index]
         if event.text("signal") == "x":
             x = _replaced(event, x, held.x_m)
-        else:
+        elif event.text("signal") == "v":
             v = _replaced(event, v, held.v_m_s)
     return Sample(x, v)
 

@@ -77,6 +77,28 @@ def tune(
     )
 
 
+def performance_map(
+    scenario: Annotated[str, typer.Argument(help="A scenario that begins settled.")] = "steady",
+    *,
+    model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
+    tdc: Annotated[
+        str | None,
+        typer.Option(metavar="MM,MM", help="Dead centres; without it the set point and 1 mm."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Scenario file to write, the map and its origin in it.")
+    ] = None,
+    force: Force = False,
+    assignments: Assignments = None,
+) -> None:
+    """Measure what an engine delivers at which dead centre and load, as a map for target powers."""
+    from bench.run.commands import overrides
+    from bench.studies import performance as work
+
+    changes = overrides({"plant.model": model}, assignments or [])
+    raise typer.Exit(work.run(scenario, tdc, out, changes, force=force))
+
+
 def campaign(
     file: Annotated[str, typer.Argument(help="Campaign: a name or a path to a .toml file.")],
     *,
@@ -121,3 +143,4 @@ def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     for command in (compare, tune, campaign, atlas):
         app.command()(command)
+    app.command("map")(performance_map)

@@ -160,7 +160,8 @@ def _command(row: Any, mode: int) -> Command:  # noqa: ANN401
         for channel, open_ns, long_ns in zip(*(c[:count] for c in columns), strict=True)
     )
     force, load = float(row["force_n"]), float(row["load_coefficient_n_s_m"])
-    return Command(MachineOrder(int(row["mode"]), force, load), pulses, may_fire(mode))
+    order = MachineOrder(int(row["mode"]), force, load)
+    return Command(order, pulses, may_fire(mode), float(row["throttle"]))
 
 
 def _cycle(p: PlantParams, fine: Fine) -> Cycle | None:

@@ -121,7 +121,7 @@ def simulate(scenario: Resolved) -> Course:
         inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w, 0, valve)
         mind, output = controller.step.step(law, mind, inputs)
         if said is None or not _says_the_same(output, said):
-            command = _command_of(output)
+            command = command_of(output)
         said = output
     return course._replace(mode=mind.mode.name.lower())
 
@@ -135,14 +135,15 @@ def _says_the_same(output: Output, before: Output) -> bool:
         and new.mode == old.mode
         and new.force_n == old.force_n
         and new.load_n_s_m == old.load_n_s_m
+        and output.throttle == before.throttle
     )
 
 
-def _command_of(output: Output) -> Command:
+def command_of(output: Output) -> Command:
     """What the plant would decode of an answer."""
     machine = MachineOrder(output.machine.mode, output.machine.force_n, output.machine.load_n_s_m)
     pulses = tuple(
         PulseOrder(p.channel, wrap_us(p.open_ns), p.duration_ns // 1000)
         for p in output.pulses[:MAX_PULSES]
     )
-    return Command(machine, pulses, output.may_fire)
+    return Command(machine, pulses, output.may_fire, output.throttle)

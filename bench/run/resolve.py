@@ -14,13 +14,16 @@ from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
 from controller.motion.choice import check_names
 from controller.motion.own import own_settings, own_source
-from controller.performance import Steady
+from controller.supervision.performance import Performance, Steady
+from controller.supervisory import Supervisor
 from controller.timing import budget
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
+from hil.config.plant import AirConfig
 from hil.config.prototypes import Prototype
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
+from hil.config.supervisory.air import AirKnowledge
 from hil.errors import ConfigError
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle, steady_at
@@ -116,12 +119,19 @@ def _fill_figures(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]
         section = reduce(dict.__getitem__, keys, tree)
         for key in figures.keys() - given.model_fields_set:
             section[key] = getattr(prototype, figures[key])
+    given_air = scenario.controller.air.model_fields_set
+    for key in AirConfig.model_fields.keys() & AirKnowledge.model_fields.keys() - given_air:
+        tree["controller"]["air"][key] = getattr(scenario.plant.air, key)
 
 
 def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
     """Give set point, limit, loads and preset, each unless the scenario has it."""
     given = scenario.controller
     tdc_m = given.tdc_ref_m if given.tdc_ref_m is not None else prototype.tdc_ref_m
+    chosen = given.supervisory.choice == "efficiency" and given.tdc_ref_m is None
+    if chosen and given.supervisory.target_power_w is not None:
+        known = Performance(given, prototype, scenario.loop.period_ns * 1e-9)
+        tdc_m = known.best(given.supervisory.target_power_w)[0]
     tree["tdc_ref_m"] = tdc_m
     supervisory = given.supervisory
     if supervisory.load_coefficient_n_s_m is None:
@@ -136,16 +146,26 @@ def _fill_controller(scenario: Scenario, prototype: Prototype, tree: dict[str, A
     load = tree["supervisory"]["load_coefficient_n_s_m"]
     if supervisory.target_power_w is not None and tree["preset"]["load_coefficient_n_s_m"] is None:
         filled = check(ControllerConfig, tree, scenario.name)
-        load = _start_load(filled, prototype, engine, scenario.loop.period_ns * 1e-9)
-        tree["preset"]["load_coefficient_n_s_m"] = load
+        load, limit = _start_load(filled, prototype, engine, scenario.loop.period_ns * 1e-9)
+        tree["preset"] |= {"load_coefficient_n_s_m": load, "limit": limit}
     if given.open_loop.fuel_kg is None:
         tree["open_loop"]["fuel_kg"] = prototype.fixed_fuel_kg
     _fill_preset(scenario, tree, engine, load)
+    _fill_throttle(scenario, prototype, tree)
+
+
+def _fill_throttle(scenario: Scenario, prototype: Prototype, tree: dict[str, Any]) -> None:
+    """Begin at the opening that the controller will choose, where it chooses one."""
+    filled = check(ControllerConfig, tree, scenario.name)
+    supervisor = Supervisor(
+        filled, prototype, scenario.loop.period_ns * 1e-9, tree["limits"]["tdc_m"]
+    )
+    tree["supervisory"]["throttle"] = supervisor.initial().throttle
 
 
 def _start_load(
     given: ControllerConfig, prototype: Prototype, engine: Constants, period_s: float
-) -> float:
+) -> tuple[float, str]:
     """Return the load with which the engine's own model delivers the target power [N s/m]."""
     tdc_m, power_w = given.tdc_ref_m, given.supervisory.target_power_w
     assert tdc_m is not None
@@ -157,7 +177,8 @@ def _start_load(
         return Steady(fuel_kg, cycle.v_mid_m_s, stroke_s, here_w)
 
     guess = load_for_power(prototype, tdc_m, max(power_w, 1.0))
-    return start_load(given, period_s, guess, at)
+    reach = start_load(given, prototype, period_s, guess, at)
+    return reach.load_n_s_m, reach.limit
 
 
 def _fill_preset(scenario: Scenario, tree: dict[str, Any], engine: Constants, load: float) -> None:

@@ -21,6 +21,7 @@ from hil.config.motion.laws import (
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, CommandedLoad, StaleS, StartForceN, TdcRefM
+from hil.config.supervisory.air import AirKnowledge
 from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import (
     InjectorKnowledge,
@@ -135,6 +136,7 @@ class Preset(Section):
     """The operating point about which the laws work; the bench computes it from the model.
 
     load_coefficient_n_s_m: its load, where a target power asks for another than the supervisory's
+    limit: what keeps it from the target power, if something does
     """
 
     fuel_kg: FuelKg | None = None
@@ -143,6 +145,7 @@ class Preset(Section):
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
     load_coefficient_n_s_m: CommandedLoad | None = None
     power_w: float | None = Field(default=None, ge=0.0, le=1.0e5)
+    limit: str = Field(default="", max_length=120)
 
 
 class Tuning(Section):
@@ -178,6 +181,7 @@ class ControllerConfig(Section):
     supervisory: SupervisoryConfig = SupervisoryConfig()
     timing: TimingConfig = TimingConfig()
     cycle: CycleConfig = CycleConfig()
+    air: AirKnowledge = AirKnowledge()
     injector: InjectorKnowledge = InjectorKnowledge()
     valves: ValvesKnowledge = ValvesKnowledge()
     limits: LimitsConfig = LimitsConfig()

@@ -14,8 +14,10 @@ from hil.config.ranges import (
     DeadTimeS,
     FlowKgS,
     LoadCoefficient,
+    PressurePa,
     Restitution,
     StaleS,
+    TemperatureK,
 )
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
@@ -70,11 +72,17 @@ class DisturbanceConfig(Tunable):
     load_scale: the load in force is so many times the commanded one, beside the scale of an event
     efficiency_low, efficiency_high: combustion efficiency, drawn anew for each combustion; that of
         an event takes its place
+    efficiency_memory: correlation of a cylinder's efficiency with that of its cycle before
+    manifold_scale: the manifold's pressure is so many times that of throttle and lag
+    intake_warmer_k: by so much the trapped air is warmer than the engine's figure
     """
 
     load_scale: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
     efficiency_low: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     efficiency_high: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    efficiency_memory: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
+    manifold_scale: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+    intake_warmer_k: Annotated[float, Field(ge=-100.0, le=200.0)] = 0.0
 
     @model_validator(mode="after")
     def _efficiency_is_a_range(self) -> Self:
@@ -86,13 +94,38 @@ class DisturbanceConfig(Tunable):
         return self
 
 
+class AirConfig(Section):
+    """The air path: throttle, manifold, and what the trapped air lets burn (thesis eq. 5.28).
+
+    limit: whether the fast models burn no more fuel than their air is enough for; the thesis's
+        have no such limit
+    manifold_pa: pressure behind an open throttle, the engine's unless given
+    temperature_k: of the trapped air, the engine's unless given
+    lag_s: time constant with which the manifold follows the throttle
+    rich_limit, lean_limit: lambda outside of which nothing burns; assumed, of petrol
+    """
+
+    limit: bool = False
+    manifold_pa: PressurePa | None = None
+    temperature_k: TemperatureK | None = None
+    lag_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.05
+    rich_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.6
+    lean_limit: Annotated[float, Field(ge=1.0, le=100.0)] = 1.7
+
+
 class InjectorConfig(Tunable):
-    """Injector characteristic: nothing for the dead time, then the static flow until it closes."""
+    """Injector characteristic: nothing for the dead time, then the static flow until it closes.
+
+    scatter: standard deviation of one injection's mass, as a share
+    drift_1_s: by what share more flows with each second of the run
+    """
 
     static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
     dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
     flow_scale_left: FlowScale = 1.0
     flow_scale_right: FlowScale = 1.0
+    scatter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    drift_1_s: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
 
 
 _VALVE_ACTUATORS: dict[str, tuple[float, float, float]] = {
@@ -187,6 +220,7 @@ class PlantConfig(Section):
     own: OwnEngineConfig = OwnEngineConfig()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
+    air: AirConfig = AirConfig()
     valves: ValvesConfig = ValvesConfig()
     drive: Literal["programme", "commands"] = Field(
         "programme", description="what moves the machine of a four-stroke engine; set by the bench"

@@ -69,6 +69,7 @@ class Prototype(Figures):
     """One engine (thesis Tables 3.2, 5.2).
 
     chambers: how many fire; the fast models, of two, do not describe an engine with one
+    intake_pa: pressure in the intake manifold behind an open throttle
     open_loop_fuel_kg: fuel of open-loop operation; None: what wide open throttle lets in
     """
 
@@ -78,6 +79,7 @@ class Prototype(Figures):
     start_force_n: StartForceN
     contact_restitution: Restitution
     open_loop_fuel_kg: FuelKg | None = None
+    intake_pa: PressurePa
     injector_kg_s: FlowKgS
     injector_dead_s: DeadTimeS
 

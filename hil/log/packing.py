@@ -68,16 +68,17 @@ def sensor(
         ))
 
 
-_TRUTH: Final = struct.Struct("<11sIQQ4sIxxxxqddddIIqdI").pack
+_TRUTH: Final = struct.Struct("<11sIQQ4sIxxxxqddddIIqdIxxxxdd").pack
 
 
 def truth(
     tick: i64, t_ns: i64, x_m: float, v_m_s: float, fuel_kg: float, load_coefficient_n_s_m: float,
     disturbance: i64, dc_index: i64, dc_t_ns: i64, dc_x_m: float, contacts: i64,
+    lambda_ratio: float, manifold_pa: float,
 ) -> None:
     """Add a record of /truth."""
     if NATIVE and not (tick >> 32 | t_ns >> 63 | disturbance >> 32 | dc_index >> 32 | contacts >> 32):
-        _OUT.write(b'\x05f\x00\x00\x00\x00\x00\x00\x00\x04\x00')
+        _OUT.write(b'\x05z\x00\x00\x00\x00\x00\x00\x00\x04\x00')
         _stamp(tick, t_ns)
         write_i64_le(_OUT, tick)
         write_i64_le(_OUT, t_ns)
@@ -88,12 +89,14 @@ def truth(
         write_i64_le(_OUT, disturbance | dc_index << 32)
         write_i64_le(_OUT, dc_t_ns)
         write_f64_le(_OUT, dc_x_m)
-        write_i32_le(_OUT, i32(contacts))
+        write_i64_le(_OUT, contacts)
+        write_f64_le(_OUT, lambda_ratio)
+        write_f64_le(_OUT, manifold_pa)
     else:
         _add(_TRUTH(
-            b'\x05f\x00\x00\x00\x00\x00\x00\x00\x04\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
+            b'\x05z\x00\x00\x00\x00\x00\x00\x00\x04\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
             tick, t_ns, x_m, v_m_s, fuel_kg, load_coefficient_n_s_m, disturbance, dc_index,
-            dc_t_ns, dc_x_m, contacts,
+            dc_t_ns, dc_x_m, contacts, lambda_ratio, manifold_pa,
         ))
 
 
@@ -200,17 +203,17 @@ def frames_received(tick: i64, t_ns: i64, data: bytes) -> None:
         ) + data)
 
 
-_STROKE: Final = struct.Struct("<11sIQQ4sIIqBxxxxxxxdddddddddddd").pack
+_STROKE: Final = struct.Struct("<11sIQQ4sIIqBxxxxxxxddddddddddddd").pack
 
 
 def stroke(
     index: i64, tick: i64, t_ns: i64, side: i64, tdc_m: float, tdc_ref_m: float, v_mid_m_s: float,
     v_ref_m_s: float, fuel_kg: float, outer_p_m_s: float, outer_i_m_s: float, inner_p_kg: float,
-    inner_i_kg: float, speed_hz: float, power_w: float, power_ref_w: float,
+    inner_i_kg: float, speed_hz: float, power_w: float, power_ref_w: float, lambda_ratio: float,
 ) -> None:
     """Add a record of /stroke."""
     if NATIVE and not (index >> 32 | tick >> 32 | t_ns >> 63 | side >> 8):
-        _OUT.write(b'\x05\x92\x00\x00\x00\x00\x00\x00\x00\x03\x00')
+        _OUT.write(b'\x05\x9a\x00\x00\x00\x00\x00\x00\x00\x03\x00')
         _stamp(tick, t_ns)
         write_i64_le(_OUT, index | tick << 32)
         write_i64_le(_OUT, t_ns)
@@ -227,11 +230,12 @@ def stroke(
         write_f64_le(_OUT, speed_hz)
         write_f64_le(_OUT, power_w)
         write_f64_le(_OUT, power_ref_w)
+        write_f64_le(_OUT, lambda_ratio)
     else:
         _add(_STROKE(
-            b'\x05\x92\x00\x00\x00\x00\x00\x00\x00\x03\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
+            b'\x05\x9a\x00\x00\x00\x00\x00\x00\x00\x03\x00', tick, t_ns, t_ns, b'\x00\x01\x00\x00',
             index, tick, t_ns, side, tdc_m, tdc_ref_m, v_mid_m_s, v_ref_m_s, fuel_kg, outer_p_m_s,
-            outer_i_m_s, inner_p_kg, inner_i_kg, speed_hz, power_w, power_ref_w,
+            outer_i_m_s, inner_p_kg, inner_i_kg, speed_hz, power_w, power_ref_w, lambda_ratio,
         ))
 
 

@@ -95,6 +95,9 @@ class Stroke(Record):
     power_ref_w: Annotated[
         float, Field("float64", "target power within reach, nan without a target", "W")
     ]
+    lambda_ratio: Annotated[
+        float, Field("float64", "air by what the fuel needs, as estimated; nan without fuel", "1")
+    ]
 
 
 class Truth(Record):
@@ -115,6 +118,10 @@ class Truth(Record):
     dc_t_ns: Annotated[int, Field("int64", "its instant, from the start of the run", "ns")]
     dc_x_m: Annotated[float, Field("float64", "its position from mid-stroke", "m")]
     contacts: Annotated[int, Field("uint32", "contacts with a head since the start of the run")]
+    lambda_ratio: Annotated[
+        float, Field("float64", "air of the last charge that burnt, by what its fuel needs", "1")
+    ]
+    manifold_pa: Annotated[float, Field("float64", "pressure in the intake manifold", "Pa")]
 
 
 class Timing(Record):

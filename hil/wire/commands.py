@@ -104,10 +104,11 @@ DECLARED: Final = (
     Declaration(
         "sensor-fault", PLANT, "a sensor's signal is replaced",
         (
-            Choice("signal", ("x", "v"), "position or velocity"),
+            Choice("signal", ("x", "v", "power", "p_left", "p_right"),
+                   "position, velocity, electric power, pressures"),
             Choice("substitute", ("hold", "value", "offset"), "last value, or `value`, or added",
                    "hold"),
-            Number("value", "m or m/s", -10.0, 10.0, "substitute or offset", 0.0),
+            Number("value", "m, m/s, W or Pa", -1e8, 1e8, "substitute or offset", 0.0),
             Number("duration_s", "s", 1e-6, 1e6, "how long"), _FRACTION,
         ),
     ),

@@ -47,13 +47,17 @@ class Motion(Value):
 
 @final
 class Charge(Value):
-    """What burns, or has burnt: nought is a misfire."""
+    """What burns, or has burnt: nought is a misfire.
 
-    __slots__ = ("fuel_kg", "efficiency")
+    lambda_ratio: air by what its fuel needs, nought when that is not known
+    """
 
-    def __init__(self, fuel_kg: float, efficiency: float) -> None:
+    __slots__ = ("fuel_kg", "efficiency", "lambda_ratio")
+
+    def __init__(self, fuel_kg: float, efficiency: float, lambda_ratio: float = 0.0) -> None:
         self.fuel_kg = fuel_kg
         self.efficiency = efficiency
+        self.lambda_ratio = lambda_ratio
 
 
 NO_CHARGE: Final = Charge(0.0, 1.0)
@@ -64,10 +68,11 @@ class Inputs(Value):
     """What acts on an engine from here on.
 
     valves: of each valve that its line has moved, whether it is open, -1 of any other (BY_SPARK)
+    intake: pressure in the intake manifold, as a share of the open throttle's (BY_SPARK)
     fuel_kg, spark_ns: both charges as they will be by `Ahead.until_ns`, -1 no spark (OF_ITS_OWN)
     """
 
-    __slots__ = ("machine", "valves", "fuel_kg", "spark_ns")
+    __slots__ = ("machine", "valves", "fuel_kg", "spark_ns", "intake")
 
     def __init__(
         self,
@@ -75,11 +80,13 @@ class Inputs(Value):
         valves: tuple[int, ...],
         fuel_kg: tuple[float, float],
         spark_ns: tuple[i64, i64],
+        intake: float = 1.0,
     ) -> None:
         self.machine = machine
         self.valves = valves
         self.fuel_kg = fuel_kg
         self.spark_ns = spark_ns
+        self.intake = intake
 
 
 @final
@@ -181,6 +188,10 @@ class Moved(Value):
         self.at_end = at_end
 
 
+SLOW_SIGNALS: Final = ("power", "p_left", "p_right")
+"""As faults of their sensors name them."""
+
+
 @final
 class Sensed(Value):
     """What there is to be sensed besides position and velocity."""
@@ -191,6 +202,12 @@ class Sensed(Value):
         self.p_left_pa = p_left_pa
         self.p_right_pa = p_right_pa
         self.electric_power_w = electric_power_w
+
+    def of(self, signal: str) -> float:
+        """One of the `SLOW_SIGNALS`."""
+        if signal == "power":
+            return self.electric_power_w
+        return self.p_left_pa if signal == "p_left" else self.p_right_pa
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)  # an engine of a user need not be compiled

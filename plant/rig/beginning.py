@@ -16,7 +16,7 @@ from plant.engines.protocol import (
     Motion,
     Stop,
 )
-from plant.rig import charges, disturbances
+from plant.rig import air, charges, disturbances
 from plant.rig.actuation import Actuation, with_valves
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
@@ -58,6 +58,7 @@ def _at(p: PlantParams, motion: Motion) -> PlantState:
         latch=RELEASED,
         contacts=0,
         waiting=(),
+        manifold=air.still(p.intake, 1.0),
     )
 
 
@@ -69,7 +70,7 @@ def _settled(
     if own and not p.fuel_min_kg <= fuel_kg <= p.fuel_max_kg:
         low, high = p.fuel_min_kg * 1e6, p.fuel_max_kg * 1e6
         raise ConfigError(f"initial fuel {fuel_kg * 1e6:g} mg is outside {low:.3f} to {high:.3f}")
-    charge = Charge(fuel_kg, 1.0)
+    charge = charges.of_air(p, Charge(fuel_kg, 1.0))
     if p.engine.ignition == OF_ITS_OWN:
         d = charges.preview(p, Disturbances(), 0)
         charge = Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
@@ -95,7 +96,8 @@ def _fired(p: PlantParams, s: PlantState, fuel_kg: float, events: list[Event]) -
     d, cause = disturbances.take_misfire(s.disturbances)
     if cause:
         events.append(Event(0, MISFIRE, f"{charges.SIDES[charges.LEFT]}: forced, no {cause}"))
-    charge = NO_CHARGE if cause else Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
+    burnt = Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
+    charge = NO_CHARGE if cause else charges.of_air(p, burnt)
     s = next_stroke(s.but(disturbances=d), 1, 1, 0, s.x_m, charge)
     stop = Stop(0.0, s.x_m, 0.0, 1, 0, compressed=True, burnt=None)
     s = s.but(motion=p.engine.turn(s.motion, s.machine, charge, stop))

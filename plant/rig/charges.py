@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from mypy_extensions import i64
 
-from hil.randoms import EFFICIENCY, uniform
+from hil.randoms import EFFICIENCY, INJECTOR, normal_pair, uniform
 from hil.rounding import nearest
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
 from plant.rig import actuation, disturbances
@@ -15,6 +16,8 @@ from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
+
+_LEAST_WEIGHT: Final = 1e-3
 
 LEFT: Final = 0
 RIGHT: Final = 1
@@ -32,7 +35,33 @@ def efficiency(p: PlantParams, bounds: tuple[float, float] | None, index: int) -
         if bounds[0] == bounds[1]:
             return bounds[0]
     low, high = bounds
-    return low + (high - low) * uniform(p.seed, EFFICIENCY, index)
+    memory = p.config.disturbance.efficiency_memory
+    if memory == 0.0:
+        return low + (high - low) * uniform(p.seed, EFFICIENCY, index)
+    return low + (high - low) * _correlated(p.seed, memory, index)
+
+
+def _correlated(seed: int, memory: float, index: int) -> float:
+    """A number in [0, 1] that remembers: z_k = sqrt(1 - r^2) sum r^j e_(k - 2j), by its definition.
+
+    A cylinder burns at every other dead centre. z has the variance of e, and the correlation r with
+    that of the cycle before, but where it is cut off at the ends.
+    """
+    z, weight = 0.0, math.sqrt(1.0 - memory * memory)
+    while index >= 0 and weight > _LEAST_WEIGHT:
+        z += weight * (2.0 * uniform(seed, EFFICIENCY, index) - 1.0)
+        weight, index = weight * memory, index - 2
+    return 0.5 + 0.5 * min(max(z, -1.0), 1.0)
+
+
+def metered_kg(p: PlantParams, fuel_kg: float, number: int, t_ns: float) -> float:
+    """What an injection has been worth, with the injector's scatter and drift [kg]."""
+    given = p.config.injector
+    if fuel_kg <= 0.0 or (given.scatter == 0.0 and given.drift_1_s == 0.0):
+        return fuel_kg
+    drifted = 1.0 + given.drift_1_s * t_ns * 1e-9
+    scattered = 1.0 + given.scatter * normal_pair(p.seed, INJECTOR, number)[0]
+    return max(fuel_kg * drifted * scattered, 0.0)
 
 
 def at_dead_centre(
@@ -44,9 +73,12 @@ def at_dead_centre(
         return _lit(p, s, stop, side, events)
     pulses = actuation.advance(s.pulses, p.injector, stop.t_ns)
     fuel_kg = actuation.fuel_until(pulses, p.injector, side, stop.t_ns)
+    fuel_kg = metered_kg(p, fuel_kg, number, stop.t_ns)
     spark_ns = pulses.spark_ns[side]
     d, cause = disturbances.take_misfire(s.disturbances)
     reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, stop)
+    air_kg = trapped_kg(p, s)
+    reason = reason or p.intake.objection(air_kg, fuel_kg)
     goes_on = p.engine.every_stroke and s.stroke.charge.fuel_kg > 0.0
     if reason and (cause or fuel_kg > 0.0 or spark_ns >= 0 or goes_on):
         events.append(Event(nearest(stop.t_ns), MISFIRE, f"{SIDES[side]}: {reason}"))
@@ -54,7 +86,23 @@ def at_dead_centre(
     s = s.but(pulses=pulses, disturbances=d)
     if reason:
         return s, NO_CHARGE
-    return s, Charge(fuel_kg, efficiency(p, d.efficiency, number))
+    burnt_kg, ratio = p.intake.burnt_kg(air_kg, fuel_kg), p.intake.lambda_of(air_kg, fuel_kg)
+    return s, Charge(burnt_kg, efficiency(p, d.efficiency, number), ratio)
+
+
+def of_air(p: PlantParams, charge: Charge) -> Charge:
+    """A charge that burns before anything is known of the throttle: with that wide open."""
+    air_kg = p.intake.full_pa * p.intake.air_kg_pa
+    ratio = p.intake.lambda_of(air_kg, charge.fuel_kg)
+    return Charge(charge.fuel_kg, charge.efficiency, ratio)
+
+
+def trapped_kg(p: PlantParams, s: PlantState) -> float:
+    """Air of the charge ahead: what was in the manifold when its compression began [kg]."""
+    given = p.config.disturbance
+    p_pa = s.manifold.pressure_pa(s.stroke.start_ns) * given.manifold_scale
+    colder = p.intake.kelvin / (p.intake.kelvin + given.intake_warmer_k)
+    return p_pa * p.intake.air_kg_pa * colder
 
 
 def _lit(
@@ -99,6 +147,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
     """Light the charge of a side, or say why it does not burn."""
     t_ns = s.pulses.spark_ns[side]
     fuel = actuation.fuel_until(s.pulses, p.injector, side, float(t_ns))
+    fuel = metered_kg(p, fuel, s.dead_centre.number + 1, float(t_ns))
     d, cause = disturbances.take_misfire(s.disturbances)
     eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
     motion, lit = s.motion, s.lit
@@ -108,7 +157,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
     if reason:
         events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
     else:
-        lit = Charge(fuel, eta)
+        lit = Charge(fuel, eta, p.intake.lambda_of(trapped_kg(p, s), fuel))
     pulses = actuation.scavenge(s.pulses, p.injector, side, float(t_ns))
     # This spark stays known, so that its charge does not count as unlit.
     pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns, pulses.valves)
@@ -137,6 +186,7 @@ def ahead(
     fuels, sparks = [0.0, 0.0], pulses.spark_ns
     for side in (LEFT, RIGHT):
         fuel = actuation.fuel_until(pulses, p.injector, side, float(until_ns))
+        fuel = metered_kg(p, fuel, s.dead_centre.number + 1, float(until_ns))
         if p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires:
             fuels[side] = eta * fuel
         else:

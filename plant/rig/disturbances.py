@@ -48,13 +48,14 @@ class Due(Value):
 
 @final
 class Held(Value):
-    """The piston as last sampled before a fault began."""
+    """The piston as last sampled before a fault began, and the slow signal that the fault is of."""
 
-    __slots__ = ("x_m", "v_m_s")
+    __slots__ = ("x_m", "v_m_s", "slow")
 
-    def __init__(self, x_m: float, v_m_s: float) -> None:
+    def __init__(self, x_m: float, v_m_s: float, slow: float = 0.0) -> None:
         self.x_m = x_m
         self.v_m_s = v_m_s
+        self.slow = slow
 
 
 @final

@@ -10,7 +10,7 @@ from hil.wire import pulses
 from hil.wire.messages import GENERATOR, MACHINE_MODES, MOTOR
 from hil.wire.pulses import PulseOrder
 from plant.engines.machine import Machine, MachineOrder, same_order
-from plant.rig import actuation, silence
+from plant.rig import actuation, air, silence
 from plant.rig.events import ORDER_REFUSED, PULSE_REFUSED, Event
 from plant.rig.params import PlantParams
 from plant.rig.state import AS_BEFORE, Command, PlantState
@@ -45,6 +45,9 @@ def _take(p: PlantParams, s: PlantState, command: Command, events: list[Event]) 
         s = silence.heard(p, s, command, events)
         if s.latch:
             return s
+    if 0.0 <= command.throttle != s.manifold.throttle:
+        full_pa = s.manifold.full_pa
+        s = s.but(manifold=air.moved(s.manifold, command.throttle, full_pa, now_ns))
     order = command.machine
     if order is not None and not same_order(order, s.machine.order):
         s = _reorder(p, s, order, now_ns, events)

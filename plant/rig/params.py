@@ -14,6 +14,7 @@ from hil.values import Value
 from hil.wire.commands import TimedCommand
 from plant.engines.protocol import Engine
 from plant.rig.actuation import Injector
+from plant.rig.air import Intake, intake_of
 from plant.rig.disturbances import Edge, compile_edges
 from plant.rig.valves import ValveActuators, actuators_of
 
@@ -34,7 +35,7 @@ class PlantParams(Value):
     __slots__ = (
         "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
         "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
-        "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves",
+        "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves", "intake",
     )  # fmt: skip
 
     def __init__(
@@ -43,6 +44,7 @@ class PlantParams(Value):
         injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
         noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool, valves: ValveActuators,
+        intake: Intake,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -64,6 +66,7 @@ class PlantParams(Value):
         self.delay_ticks = delay_ticks
         self.rearm = rearm
         self.valves = valves
+        self.intake = intake
 
 
 def injector_of(config: InjectorConfig) -> Injector:
@@ -121,4 +124,5 @@ def rig_params(
         delay_ticks=config.command_delay_ticks,
         rearm=rearm,
         valves=actuators_of(config.valves, seed, engine.valve_lift_m),
+        intake=intake_of(config.air, prototype),
     )

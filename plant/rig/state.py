@@ -11,24 +11,30 @@ from hil.wire.pulses import PulseOrder
 from plant.engines.machine import Machine, MachineOrder
 from plant.engines.protocol import Charge, Motion
 from plant.rig.actuation import Actuation
+from plant.rig.air import Manifold
 from plant.rig.disturbances import Disturbances
 
 
 @final
 class Command(Value):
-    """What one tick's valid frames said; `may_fire` false forces all TTL lines low."""
+    """What one tick's valid frames said; `may_fire` false forces all TTL lines low.
 
-    __slots__ = ("machine", "pulses", "may_fire")
+    throttle: opening, below nought when nothing is said of it
+    """
+
+    __slots__ = ("machine", "pulses", "may_fire", "throttle")
 
     def __init__(
         self,
         machine: MachineOrder | None = None,
         pulses: tuple[PulseOrder, ...] = (),
         may_fire: bool = True,
+        throttle: float = -1.0,
     ) -> None:
         self.machine = machine
         self.pulses = pulses
         self.may_fire = may_fire
+        self.throttle = throttle
 
 
 AS_BEFORE: Final = Command()
@@ -55,19 +61,21 @@ class Stroke(Value):
 class DeadCentre(Value):
     """The last dead centre exactly; number 0 means that there was none yet.
 
-    `fuel_kg` is what burnt there, nought after a misfire.
+    `fuel_kg` is what burnt there, nought after a misfire; `lambda_ratio` that of its charge.
     """
 
-    __slots__ = ("number", "t_ns", "x_m", "fuel_kg", "efficiency")
+    __slots__ = ("number", "t_ns", "x_m", "fuel_kg", "efficiency", "lambda_ratio")
 
     def __init__(
-        self, number: int, t_ns: int, x_m: float, fuel_kg: float, efficiency: float
-    ) -> None:
+        self, number: int, t_ns: int, x_m: float, fuel_kg: float, efficiency: float,
+        lambda_ratio: float = 0.0,
+    ) -> None:  # fmt: skip
         self.number = number
         self.t_ns = t_ns
         self.x_m = x_m
         self.fuel_kg = fuel_kg
         self.efficiency = efficiency
+        self.lambda_ratio = lambda_ratio
 
 
 @final
@@ -84,7 +92,7 @@ class PlantState(Value):
 
     __slots__ = (
         "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
-        "stale", "latch", "contacts", "waiting",
+        "stale", "latch", "contacts", "waiting", "manifold",
     )  # fmt: skip
 
     def __init__(
@@ -101,6 +109,7 @@ class PlantState(Value):
         latch: i64,
         contacts: int,
         waiting: tuple[Command | None, ...],
+        manifold: Manifold,
     ) -> None:
         self.tick = tick
         self.motion = motion
@@ -114,6 +123,7 @@ class PlantState(Value):
         self.latch = latch
         self.contacts = contacts
         self.waiting = waiting
+        self.manifold = manifold
 
     def but(
         self,
@@ -125,6 +135,7 @@ class PlantState(Value):
         disturbances: Disturbances | None = None,
         dead_centre: DeadCentre | None = None,
         lit: Charge | None = None,
+        manifold: Manifold | None = None,
     ) -> PlantState:
         """The same state with other parts, those that are named."""
         return PlantState(
@@ -140,6 +151,7 @@ class PlantState(Value):
             self.latch,
             self.contacts,
             self.waiting,
+            manifold or self.manifold,
         )
 
     @property

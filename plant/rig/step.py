@@ -85,7 +85,7 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
 def _at_next_tick(s: PlantState, motion: Motion, pulses: Actuation) -> PlantState:
     return PlantState(
         s.tick + 1, motion, s.stroke, s.machine, pulses, s.disturbances, s.dead_centre,
-        s.lit, s.stale, s.latch, s.contacts, s.waiting,
+        s.lit, s.stale, s.latch, s.contacts, s.waiting, s.manifold,
     )  # fmt: skip
 
 
@@ -125,7 +125,9 @@ def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
         fuel_kg, spark_ns = charges.ahead(p, s, ahead.until_ns)
         return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
     levels = s.pulses.valves.levels if p.engine.valves else _NO_VALVES
-    return Inputs(s.machine, levels, _NO_FUEL, _NO_SPARK)
+    share = s.manifold.pressure_pa(s.tick * p.period_ns) / p.intake.full_pa
+    share *= p.config.disturbance.manifold_scale
+    return Inputs(s.machine, levels, _NO_FUEL, _NO_SPARK, share)
 
 
 def _arrive(

@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from hil.rounding import nearest
 from hil.values import replace
-from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Motion, Stop
+from plant.engines.protocol import BY_SPARK, NO_CHARGE, SLOW_SIGNALS, Charge, Motion, Stop
 from plant.rig import charges, disturbances
 from plant.rig.charges import LEFT, RIGHT, SIDES
 from plant.rig.disturbances import Due, Edge, Held
@@ -52,7 +52,9 @@ def next_stroke(
     """Enter a dead centre with what burns, or has burnt, at it."""
     return s.but(
         stroke=Stroke(number, direction, dc_ns, x_m, charge),
-        dead_centre=DeadCentre(number, dc_ns, x_m, charge.fuel_kg, charge.efficiency),
+        dead_centre=DeadCentre(
+            number, dc_ns, x_m, charge.fuel_kg, charge.efficiency, charge.lambda_ratio
+        ),
     )
 
 
@@ -118,6 +120,10 @@ def apply_due(
     p: PlantParams, s: PlantState, due: Due, t_ns: i64, held: Held, events: list[Event]
 ) -> PlantState:
     """Begin or end a disturbance now; a changed load takes effect through `act`."""
+    event = p.events[due.event]
+    if event.kind == "sensor-fault" and event.text("signal") in SLOW_SIGNALS:
+        known = p.engine.sensed(s.motion, s.machine).of(event.text("signal"))
+        held = Held(held.x_m, held.v_m_s, known)
     d = disturbances.apply(p.events, s.disturbances, due, held)
     what = "begins" if due.begins else "ends"
     kind = p.events[due.event].kind

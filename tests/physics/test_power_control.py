@@ -10,7 +10,7 @@ import controller.step
 import plant.build
 from bench.dev.golden_cases import LOCKSTEP
 from bench.run import scenarios
-from bench.run.offline import _command_of
+from bench.run.offline import command_of
 from bench.run.resolve import resolve
 from controller.state import Inputs
 from hil.config.load import build, with_override
@@ -44,7 +44,7 @@ def run(duration_s, **changes):
         state, _ = step(params, state, command)
         inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), schedule.get(tick), power_w)
         mind, output = controller.step.step(law, mind, inputs)
-        command = _command_of(output)
+        command = command_of(output)
         events += output.events
         if output.stroke is not None:
             strokes.append(output.stroke)

@@ -72,6 +72,7 @@ ROWS = {
     ],
     "compare": [Row("--controllers cascade,observer --out compared")],
     "tune": [Row("cascade"), Row("cascade --search --generations 1", TIMED)],
+    "map": [Row("--tdc 15.5 --out mapped.toml")],
     "campaign": [Row("robustness --runs 8 --out campaign")],
     "atlas": [Row("F6.2 F5.8 --out atlas", TIMED)],
     "bench latency": [

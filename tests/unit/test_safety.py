@@ -27,7 +27,7 @@ LIMITS = safety.Limits(LimitsConfig(force_n=4000.0))
 )
 def test_fuel_stays_within_injector_and_throttle(wanted, throttle, given):
     demand = Demand(wanted, v_ref_m_s=1.9, outer_p_m_s=0.1)
-    limited = safety.limit_fuel(LIMITS, throttle, demand)
+    limited = safety.limit_fuel(LIMITS, throttle * LIMITS.fuel_max_kg, demand)
     assert limited.fuel_kg == pytest.approx(given)
     assert replace(limited, fuel_kg=wanted) == demand
 

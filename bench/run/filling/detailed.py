@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bench.run.filling.start_load import start_load
-from controller.performance import Steady
+from controller.supervision.performance import Steady
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
 from hil.config.detailed import Calibration
@@ -113,8 +113,17 @@ def _fill_load(scenario: Scenario, c: Calibration, control: dict[str, Any]) -> N
     running = Running(c, control["tdc_ref_m"], nominal_kg, load)
     given = check(ControllerConfig, control, scenario.name)
     guess = load * (target_w / nominal.power_w) ** _LOAD_BY_POWER
-    found = start_load(given, scenario.loop.period_ns * 1e-9, guess, running.at, _POWER_SHARE)
-    preset["load_coefficient_n_s_m"], preset["fuel_kg"] = found, running.at(found).fuel_kg
+    found = start_load(
+        given,
+        scenario.plant.believed(),
+        scenario.loop.period_ns * 1e-9,
+        guess,
+        running.at,
+        _POWER_SHARE,
+    )
+    load = found.load_n_s_m
+    fuel_kg = running.at(load).fuel_kg
+    preset |= {"load_coefficient_n_s_m": load, "fuel_kg": fuel_kg, "limit": found.limit}
 
 
 class Running:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from controller.performance import LOAD_MAX_N_S_M, Steady, SteadyLimits
+from controller.supervision.performance import LOAD_MAX_N_S_M, Reach, Steady, SteadyLimits
 from hil.config.controller import ControllerConfig
+from hil.config.prototypes import Prototype
 from hil.errors import ConfigError
 from hil.roots import secant
 
@@ -21,16 +22,16 @@ Model = Callable[[float], Steady]
 
 
 def start_load(
-    given: ControllerConfig, period_s: float, guess_n_s_m: float, at: Model,
+    given: ControllerConfig, engine: Prototype, period_s: float, guess_n_s_m: float, at: Model,
     relative: float = _PRECISION,
-) -> float:  # fmt: skip
-    """Return the load that delivers the target power, or the nearest within the limits [N s/m].
+) -> Reach:  # fmt: skip
+    """Return the load that delivers the target power, or the nearest to it, and what limits it.
 
     Parameters: relative : last step towards it, as a share
     """
     target_w = given.supervisory.target_power_w
     assert target_w is not None, "asked only where there is a target"
-    limits, throttle = SteadyLimits(given, period_s), given.supervisory.throttle
+    limits, throttle = SteadyLimits(given, engine, period_s), given.supervisory.throttle
 
     def room(load: float) -> float:
         try:
@@ -46,15 +47,17 @@ def start_load(
     except ConfigError:  # somewhere on the way the engine does not run
         most = _edge(room, guess_n_s_m, relative)
         if missing(most) <= 0.0:
-            return most
+            return Reach(most, limits.tightest(at(most), most, throttle)[1])
         load = _edge(lambda load: -missing(load), most / _STRIDE, relative)
     load = min(max(load, _LEAST_N_S_M), LOAD_MAX_N_S_M)
     if room(load) < 0.0:
-        return _edge(room, load, relative)
+        most = _edge(room, load, relative)
+        return Reach(most, limits.tightest(at(most), most, throttle)[1])
     least_kg = given.limits.fuel_min_kg
     if at(load).fuel_kg < least_kg:
-        return _edge(lambda load: least_kg - at(load).fuel_kg, load, relative)
-    return load
+        least = _edge(lambda load: least_kg - at(load).fuel_kg, load, relative)
+        return Reach(least, f"limits.fuel_min_kg, {least_kg * 1e6:g} mg")
+    return Reach(load, "")
 
 
 def _edge(f: Callable[[float], float], load_n_s_m: float, relative: float) -> float:

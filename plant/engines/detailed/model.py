@@ -100,6 +100,7 @@ class DetailedEngine(Engine):
         s = _state(m)
         y, d = _arrays(s)
         self._impose(inputs.machine, d)
+        self._throttle(inputs.intake)
         _set_valves(inputs.valves, d)
         until_ns = min(float(ahead.end_ns), float(ahead.edge_ns), ahead.due_ns)
         if self._move(y, d, until_ns):
@@ -130,6 +131,12 @@ class DetailedEngine(Engine):
             d[at.LOAD_SCALE] = load / calibration.machine.load_coefficient_n_s_m
         else:
             d[at.LOAD], d[at.FORCE] = 0.0, machine.force_n
+
+    def _throttle(self, share: float) -> None:
+        """Put the manifold's pressure in place, as a share of the open throttle's."""
+        intake_pa = self.engine.calibration.breathing.intake_pa * share
+        for base in (at.CYL_P, at.CYL_P + at.CYL_P_STRIDE):
+            self.engine.p[base + at.P_IN] = intake_pa
 
     def _move(self, y: Array, d: Array, until_ns: float) -> bool:
         """Move on; true when a dead centre or a contact has come first.

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final, final
 
 from controller.knowledge import OperatingPoint, fuel_per_speed, load_for_power, steady
+from controller.supervision.air import LEAST_THROTTLE, Air
 from hil.config.controller import ControllerConfig
 from hil.config.prototypes import Prototype
 from hil.config.supervisory.performance import PerformanceMap
@@ -19,7 +20,6 @@ LOAD_MAX_N_S_M: Final = 10_000.0
 """What the wire carries at the most."""
 
 _TO_LIMIT: Final = 1e-9
-_TO_TARGET: Final = 5e-3
 
 
 @final
@@ -37,12 +37,13 @@ class Steady(Value):
 
 @final
 class SteadyLimits:
-    """What bounds steady running from above: fuel, the time to inject it, the machine's force."""
+    """What bounds steady running from above: fuel, air, the time to inject, the machine's force."""
 
-    def __init__(self, config: ControllerConfig, period_s: float) -> None:
+    def __init__(self, config: ControllerConfig, engine: Prototype, period_s: float) -> None:
         timing, injector = config.timing, config.injector
         self._force_n = config.limits.force_n
-        self._fuel_kg = (1.0 - config.supervisory.fuel_reserve) * config.limits.fuel_max_kg
+        self._air = Air(config, engine)
+        self._share = 1.0 - config.supervisory.fuel_reserve
         self._flow_kg_s = injector.static_flow_kg_s
         lead_s = timing.injection_lead_ticks * period_s
         self._lost_s = lead_s + timing.injection_margin_s + injector.dead_time_s
@@ -52,7 +53,10 @@ class SteadyLimits:
 
         An injection has the time from mid-stroke to its margin before the dead centre.
         """
-        fuel_kg = self._fuel_kg * throttle
+        air = self._air
+        if air.lambda_ref is not None:
+            throttle = 1.0  # it opens as far as it must
+        fuel_kg = self._share * air.most_kg(throttle, throttle * air.full_pa)
         flows_kg = max(0.5 * here.stroke_s - self._lost_s, 0.0) * self._flow_kg_s
         force = load_n_s_m * here.v_mid_m_s / self._force_n
         fuel = here.fuel_kg / min(fuel_kg, max(flows_kg, 1e-12))
@@ -60,7 +64,14 @@ class SteadyLimits:
             return force, f"limits.force_n, {self._force_n:g} N"
         if flows_kg < fuel_kg:
             return fuel, f"the time to inject at this speed, for {flows_kg * 1e6:.3g} mg"
-        return fuel, f"limits.fuel_max_kg: throttle and reserve leave {fuel_kg * 1e6:.3g} mg"
+        what = "the air of a charge" if air.limits else "limits.fuel_max_kg"
+        return fuel, f"{what}: throttle and reserve leave {fuel_kg * 1e6:.3g} mg"
+
+    def throttle_for(self, fuel_kg: float) -> float:
+        """The least opening that admits a fuel and its reserve."""
+        air = self._air
+        most_kg = self._share * air.most_kg(1.0, air.full_pa)
+        return min(max(fuel_kg / most_kg, LEAST_THROTTLE), 1.0)
 
 
 @final
@@ -131,7 +142,7 @@ class Performance:
         self._curves = _curves_of(config.supervisory.map)
         self._preset = begun.preset
         self._fuel_min_kg = config.limits.fuel_min_kg
-        self._limits = SteadyLimits(config, period_s)
+        self._limits = SteadyLimits(config, engine, period_s)
         self.tdc_m = begun.tdc_ref_m or engine.tdc_ref_m
         self.load_n_s_m = self._start_load(begun)
         self._start = self._base(self.tdc_m, self.load_n_s_m)
@@ -181,12 +192,7 @@ class Performance:
         preset = self._preset
         if preset.load_coefficient_n_s_m is None or preset.power_w is None:
             return self.reach(self.tdc_m, power_w, throttle)
-        load, limit = self.load_n_s_m, ""
-        if preset.power_w < (1.0 - _TO_TARGET) * power_w:
-            limit = self._limits.tightest(self.steady(self.tdc_m, load), load, throttle)[1]
-        elif preset.power_w > (1.0 + _TO_TARGET) * power_w:
-            limit = self._least_load(self.tdc_m)[1]
-        return Reach(load, limit)
+        return Reach(self.load_n_s_m, preset.limit)
 
     def best(self, power_w: float) -> tuple[float, float]:
         """Dead centre [m] and throttle of the row that delivers a power with the least fuel.

@@ -1,0 +1,1 @@
+"""What the supervisory layer knows of the engine: what it delivers, and the air that it has."""
