@@ -23,7 +23,6 @@ from controller.mode.start_restart import GENERATING
 from controller.safety import limit_fuel
 from controller.state import Inputs, State, StrokeReport
 from controller.supervision.performance import SteadyLimits
-from hil.config.base import read_toml
 from hil.config.detailed import calibrations
 from hil.config.load import build, with_override
 from hil.config.prototypes import PROTOTYPES
@@ -31,6 +30,7 @@ from hil.config.resolved import Resolved
 from hil.config.supervisory.performance import FIGURES
 from hil.errors import ConfigError
 from hil.files import Output
+from hil.toml import read_toml
 from hil.values import replace
 from hil.wire.messages import PistonSample
 from plant.rig.events import MISFIRE
