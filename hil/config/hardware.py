@@ -31,9 +31,60 @@ class SensorConfig(Section):
         return self
 
 
-class InputsConfig(Section):
-    """Which channels of an analogue device measure what; without a device nothing is read."""
+class EncoderConfig(Section):
+    """An incremental encoder, a Linux counter: x = count metres_per_count + offset_m."""
 
+    device: str = Field(default="counter0", pattern=r"^[A-Za-z0-9:_-]+$")
+    count: int = Field(default=0, ge=0, le=255)
+    metres_per_count: float = Field(default=10.0e-6, gt=0.0, le=1.0e-3)
+    offset_m: float = Field(default=0.0, ge=-1.0, le=1.0)
+
+
+class VoltageConfig(Section):
+    """One output channel: u = gain y + offset, from low_v to high_v; rest_v when none is asked."""
+
+    channel: int = Field(ge=0, le=255)
+    gain: float
+    offset: float = 0.0
+    low_v: float = Field(default=0.0, ge=-50.0, le=50.0)
+    high_v: float = Field(default=5.0, ge=-50.0, le=50.0)
+    rest_v: float = Field(default=0.0, ge=-50.0, le=50.0)
+
+    @model_validator(mode="after")
+    def _range_is_one(self) -> VoltageConfig:
+        if not self.low_v <= self.rest_v <= self.high_v or self.low_v == self.high_v:
+            raise ValueError(
+                f"rest_v = {self.rest_v:g}: accepted from low_v = {self.low_v:g} to high_v = "
+                f"{self.high_v:g}, which are two"
+            )
+        return self
+
+
+class AnalogOutputsConfig(Section):
+    """Which channels of an analogue device take the machine's order and the throttle's."""
+
+    device: str | None = Field(default=None, pattern=r"^[A-Za-z0-9:_-]+$")
+    force_n: VoltageConfig | None = None
+    load_coefficient_n_s_m: VoltageConfig | None = None
+    throttle: VoltageConfig | None = None
+
+    @model_validator(mode="after")
+    def _channels_belong(self) -> AnalogOutputsConfig:
+        given = [self.force_n, self.load_coefficient_n_s_m, self.throttle]
+        if (self.device is None) != (not any(given)):
+            raise ValueError("device and at least one channel are given together or not at all")
+        return self
+
+
+class InputsConfig(Section):
+    """Which channels of an analogue device measure what; without a device nothing is read.
+
+    encoder: in place of x_m; without v_m_s the velocity is that of the positions
+    resolution_m: least step of positions that are to give the velocity, where they are analogue
+    """
+
+    encoder: EncoderConfig | None = None
+    resolution_m: float = Field(default=10.0e-6, gt=0.0, le=1.0e-3)
     device: str | None = Field(default=None, pattern=r"^[A-Za-z0-9:_-]+$")
     x_m: SensorConfig | None = None
     v_m_s: SensorConfig | None = None
@@ -43,12 +94,12 @@ class InputsConfig(Section):
 
     @model_validator(mode="after")
     def _sensors_are_whole(self) -> InputsConfig:
-        needed = (self.x_m, self.v_m_s, self.electric_power_w)
-        more = (self.p_left_pa, self.p_right_pa)
-        if self.device is None and any(needed + more):
+        known = (self.x_m, self.v_m_s, self.electric_power_w, self.p_left_pa, self.p_right_pa)
+        if self.device is None and any((*known, self.encoder)):
             raise ValueError("sensors belong to a device")
-        if self.device is not None and None in needed:
-            raise ValueError("a device needs x_m, v_m_s and electric_power_w")
+        position = (self.x_m is None) != (self.encoder is None)
+        if self.device is not None and not (position and self.electric_power_w):
+            raise ValueError("a device needs x_m or an encoder, and electric_power_w")
         if (self.p_left_pa is None) != (self.p_right_pa is None):
             raise ValueError("p_left_pa and p_right_pa are given together or not at all")
         return self
@@ -71,6 +122,7 @@ class OutputsConfig(Section):
     silence_s: float | None = Field(default=None, ge=1e-3, le=1.0)
     spin_s: float = Field(default=100e-6, ge=0.0, le=1e-3)
     priority: int = Field(default=40, ge=0, le=98)
+    analog: AnalogOutputsConfig = AnalogOutputsConfig()
 
     @model_validator(mode="after")
     def _lines_are_whole(self) -> OutputsConfig:

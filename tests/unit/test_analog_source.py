@@ -105,7 +105,7 @@ def test_a_turn_sends_and_counts_the_answers():
 def test_sensors_are_given_whole():
     for change, line in (
         ({"inputs.device": None}, "belong to a device"),
-        ({"inputs.v_m_s": None}, "needs x_m, v_m_s and electric_power_w"),
+        ({"inputs.electric_power_w": None}, "needs x_m or an encoder, and electric_power_w"),
         ({"inputs.p_left_pa": PRESSURES["inputs.p_left_pa"]}, "together"),
         ({"inputs.x_m": {"channel": 0, "gain": 1.0, "low_v": 5.0}}, "less than high_v"),
         ({"inputs.device": "../x"}, "inputs.device"),
