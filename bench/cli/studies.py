@@ -9,16 +9,17 @@ import typer
 
 from bench.cli.options import Assignments, Force
 
+StepArgument = Annotated[str, typer.Argument(help="A scenario with one load step.")]
+LawsOption = Annotated[
+    str | None,
+    typer.Option(help="Laws to compare, separated by commas; without it all that control."),
+]
+
 
 def compare(
-    scenario: Annotated[str, typer.Argument(help="A scenario with one load step.")] = (
-        "load-decrease"
-    ),
+    scenario: StepArgument = "load-decrease",
     *,
-    controllers: Annotated[
-        str | None,
-        typer.Option(help="Laws to compare, separated by commas; without it all that control."),
-    ] = None,
+    controllers: LawsOption = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
     quick: Annotated[
@@ -42,18 +43,8 @@ def compare(
         if json is not None:
             raise typer.BadParameter("accepted with --quick or --all", param_hint="--json")
         raise typer.Exit(work.run(scenario, controllers, model, out, given, force=force))
-    raise typer.Exit(
-        work.run_survey(
-            controllers,
-            model,
-            out,
-            given,
-            whole=everything,
-            json=json,
-            workers=workers,
-            force=force,
-        )
-    )
+    wanted = work.Survey(controllers, model, out, tuple(given), everything, json, workers, force)
+    raise typer.Exit(work.run_survey(wanted))
 
 
 def tune(

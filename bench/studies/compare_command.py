@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -45,16 +45,26 @@ def run(
     return 0
 
 
-def run_survey(
-    controllers: str | None, model: str | None, out: Path | None, assignments: list[str], *,
-    whole: bool, json: Path | None, workers: int, force: bool = False,
-) -> int:  # fmt: skip
+class Survey(NamedTuple):
+    """What is asked for; `whole`: at every rate and more moments, else at 1 kHz."""
+
+    controllers: str | None
+    model: str | None
+    out: Path | None
+    assignments: tuple[str, ...]
+    whole: bool
+    json: Path | None
+    workers: int
+    force: bool
+
+
+def run_survey(wanted: Survey) -> int:
     """Compare on every engine, print the table; write JSON and page where they are asked for.
 
-    Parameters: whole : at every rate and more moments, else at 1 kHz
     Returns: the exit code
     Raises: ConfigError
     """
+    controllers, model, out, assignments, whole, json, workers, force = wanted
     extent = survey.WHOLE if whole else survey.QUICK
     laws = laws_of(controllers) if controllers else tuple(LAWS)
     engines = [engine for engine in survey.ENGINES if model in (None, engine.model)]
