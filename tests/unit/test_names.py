@@ -24,8 +24,10 @@ def dotted(tree, prefix=""):
 
 def test_every_leaf_of_the_configuration_is_a_parameter():
     assert set(dotted(Scenario().model_dump())) - set(parameters.parameters()) == {
-        "link.zenoh.tls", "controller.tuning", "controller.stroke_map.sensitivities", "controller.supervisory.map", "inputs.x_m",
-        "inputs.v_m_s",        "inputs.electric_power_w", "inputs.p_left_pa", "inputs.p_right_pa",
+        "link.zenoh.tls", "controller.tuning", "controller.stroke_map.sensitivities",
+        "controller.supervisory.map", "inputs.x_m", "inputs.v_m_s", "inputs.electric_power_w",
+        "inputs.p_left_pa", "inputs.p_right_pa", "inputs.encoder", "outputs.analog.force_n",
+        "outputs.analog.load_coefficient_n_s_m", "outputs.analog.throttle",
     }  # fmt: skip  # tables that are not there by default
 
 

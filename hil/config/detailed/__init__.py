@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from hil.config.base import Section
 from hil.config.check import check
 from hil.config.detailed.machine import Machine
+from hil.config.plant import PlantConfig
 from hil.config.prototypes import ENGINES, PROTOTYPES, Prototype, model_files
 from hil.config.ranges import (
     FlowKgS,
@@ -33,7 +34,7 @@ Position = Annotated[float, Field(ge=-1.0, le=1.0)]
 SquareMetres = Annotated[float, Field(ge=0.0, le=1.0)]
 Newton = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
 
-OF_THE_ENGINE: Final = {
+_OF_THE_ENGINE: Final = {
     "gas": {"gamma": "gamma", "gas_constant_j_kg_k": "gas_constant_j_kg_k"},
     "mover": {"mass_kg": "moving_mass_kg", "restitution": "contact_restitution"},
     "left": {"bore_m": "bore_m", "length_m": "half_stroke_m"},
@@ -233,7 +234,7 @@ def read_file(path: Path, engine: Prototype, own: Mapping[str, Any] = NOTHING) -
     tree: Tree = read_toml(path)
     for table, keys in own.items():
         tree[table] = {**tree.get(table, {}), **keys}
-    for table, keys in OF_THE_ENGINE.items():
+    for table, keys in _OF_THE_ENGINE.items():
         given = tree.get(table)
         if isinstance(given, dict):
             tree[table] = {key: getattr(engine, figure) for key, figure in keys.items()} | given
@@ -251,6 +252,58 @@ def calibrations() -> dict[tuple[str, str], Calibration]:
         for prototype in PROTOTYPES
         for model, path in model_files(prototype).items()
     }
+
+
+def of_plant(config: PlantConfig) -> Calibration:
+    """Return the calibration of a plant's model and engine, its own figures put in.
+
+    A figure that the calibration states itself is not taken from the engine.
+
+    Raises: ConfigError when there is none, or a figure is none that it takes
+    """
+    known = calibrations()
+    found = known.get((config.model, config.prototype))
+    if found is None:
+        accepted = ", ".join(f"{m} with {e}" for m, e in known)
+        raise ConfigError(
+            f"plant.model {config.model} has no calibration for plant.prototype "
+            f"{config.prototype}; accepted: {accepted}"
+        )
+    given = config.engine.model_dump(exclude_none=True)
+    if not given and not config.own.name:
+        return found
+    path = model_files(config.prototype)[config.model]
+    taken = _taken_from_the_engine(path) & type(config.engine).model_fields.keys()
+    for key in given.keys() - taken:
+        raise ConfigError(
+            f"plant.engine.{key}: model {config.model} takes none such from its engine; accepted "
+            f"here: {', '.join(sorted(taken))}"
+        )
+    own = config.own.models.get(config.model, {})
+    return read_file(path, config.resolved_prototype(), own)
+
+
+def _taken_from_the_engine(path: Path) -> set[str]:
+    """The engine's figures that a calibration takes: those that it does not state itself."""
+    tree = read_toml(path)
+    return {
+        figure
+        for table, keys in _OF_THE_ENGINE.items()
+        for key, figure in keys.items()
+        if isinstance(tree.get(table), dict) and key not in tree[table]
+    }
+
+
+@lru_cache(maxsize=1)
+def literature() -> tuple[Calibration, ...]:
+    """Engines of the literature (thesis chapter 2), to be studied by themselves.
+
+    No controller runs them: some are faster than 8 m/s, the most that a position frame holds.
+
+    Raises: ConfigError when one of them cannot be used
+    """
+    paths = sorted((ENGINES / "literature").glob("*.toml"))
+    return tuple(check(Calibration, read_toml(path), str(path)) for path in paths)
 
 
 def names() -> tuple[str, ...]:

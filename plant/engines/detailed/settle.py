@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.config.detailed import Calibration, ideal
-from hil.config.detailed.plant import of_plant
+from hil.config.detailed import Calibration, ideal, of_plant
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, HilError
 from plant.engines.detailed import layout as at
