@@ -137,7 +137,7 @@ class Supervisor:
             tdc = tdc_ref_m
         elif power_w is not None and self._chooses:
             tdc, throttle = self.performance.best(power_w)
-        after = self.approach(self._throttled(replace(now, tdc_target_m=tdc), throttle, 0.0))
+        after = self.approach(self.throttled(replace(now, tdc_target_m=tdc), throttle, 0.0))
         if power_w is None and now.target is not None:
             power_w = now.target.asked_w
         if power_w is None:
@@ -184,12 +184,12 @@ class Supervisor:
         tdc_m = max(min(now.tdc_target_m, most), now.tdc_ref_m - step_m)
         point = self.performance.point(tdc_m, now.load_n_s_m)
         now = replace(now, tdc_ref_m=tdc_m, point=point)
-        return self._throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
+        return self.throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
 
     def slew(self, now: SetPoints, dt: float) -> SetPoints:
         """Move the load towards its target by what one tick allows, the air after the throttle."""
         if now.manifold_pa != now.throttle * self.air.full_pa:
-            now = self._throttled(now, now.throttle, dt)
+            now = self.throttled(now, now.throttle, dt)
         if now.load_n_s_m == now.load_target_n_s_m:
             return now
         most = self._slew_n_s_m_s * dt
@@ -199,9 +199,9 @@ class Supervisor:
             load = now.load_n_s_m + (most if gap > 0 else -most)
         point = self.performance.point(now.tdc_ref_m, load)
         now = replace(now, load_n_s_m=load, point=point)
-        return self._throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
+        return self.throttled(now, self.air.throttle_for(point.fuel_kg, now.throttle), 0.0)
 
-    def _throttled(self, now: SetPoints, throttle: float, dt: float) -> SetPoints:
+    def throttled(self, now: SetPoints, throttle: float, dt: float) -> SetPoints:
         """Set the throttle, let the manifold follow it for a time, and see what fuel it admits."""
         p_pa = self.air.followed_pa(now.manifold_pa, throttle, dt)
         if not self.air.limits:

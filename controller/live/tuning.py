@@ -108,7 +108,7 @@ def followed(params: Params, state: State, keys: Collection[str]) -> tuple[State
         set_points, events = params.supervisor.changed(set_points, tdc_m, asked_w)
     if power_w is None and (_POWER in keys or _LOAD in keys):
         set_points = params.supervisor.released(set_points)
-    if _THROTTLE in keys:
-        set_points = replace(set_points, throttle=config.supervisory.throttle)
+    throttle = config.supervisory.throttle if _THROTTLE in keys else set_points.throttle
+    set_points = params.supervisor.throttled(set_points, throttle, 0.0)
     state = replace(state, set_points=set_points)
     return (with_law(params, state, config.name) if _LAW in keys else state), events
