@@ -14,6 +14,14 @@ LawsOption = Annotated[
     str | None,
     typer.Option(help="Laws to compare, separated by commas; without it all that control."),
 ]
+Quick = Annotated[
+    bool, typer.Option("--quick", help="Every engine at 1 kHz, load steps and noise: a table.")
+]
+Everything = Annotated[
+    bool, typer.Option("--all", help="The same at every rate, 500 to 20,000 Hz.")
+]
+Json = Annotated[Path | None, typer.Option(help="JSON file of that table, with --quick or --all.")]
+Workers = Annotated[int, typer.Option(min=1, max=64, help="Processes of that table.")]
 
 
 def compare(
@@ -22,16 +30,10 @@ def compare(
     controllers: LawsOption = None,
     model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Every engine at 1 kHz, load steps and noise: a table.")
-    ] = False,
-    everything: Annotated[
-        bool, typer.Option("--all", help="The same at every rate, 500 to 20,000 Hz.")
-    ] = False,
-    json: Annotated[
-        Path | None, typer.Option(help="JSON file of that table, with --quick or --all.")
-    ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes of that table.")] = 2,
+    quick: Quick = False,
+    everything: Everything = False,
+    json: Json = None,
+    workers: Workers = 2,
     force: Force = False,
     assignments: Assignments = None,
 ) -> None:

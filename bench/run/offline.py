@@ -7,7 +7,8 @@ so the same strokes to the resolution of the wire: what tuning and comparisons r
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, final
+from collections.abc import Sequence
+from typing import Final, NamedTuple, final
 
 from mypy_extensions import i64
 
@@ -21,13 +22,14 @@ from drivers.memory_link import MemoryLink
 from hil.config.resolved import Resolved
 from hil.ports import Link
 from hil.rounding import nearest
-from hil.values import NEVER
+from hil.values import NEVER, Value
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import PistonSample
 from hil.wire.pulses import PulseOrder, wrap_us
 from plant.engines.machine import MachineOrder
 from plant.loop import PlantLoop
 from plant.rig.events import Event
+from plant.rig.silence import unheard
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
 from plant.sensors import sample, sensed, valve_move
@@ -91,8 +93,37 @@ class _Schedule:
         return command
 
 
-def simulate(scenario: Resolved) -> Course:
-    """Run a resolved scenario in lockstep."""
+@final
+class Silence(Value):
+    """Ticks from `begin` to before `end` in which nothing comes through, one way or both."""
+
+    __slots__ = ("begin", "end", "samples", "answers")
+
+    def __init__(self, begin: i64, end: i64, samples: bool = True, answers: bool = True) -> None:
+        self.begin = begin
+        self.end = end
+        self.samples = samples
+        self.answers = answers
+
+    def hides_sample(self, tick: i64) -> bool:
+        """Whether the sample of a tick before the end does not reach the controller."""
+        return self.samples and self.begin <= tick
+
+    def hides_answer(self, tick: i64) -> bool:
+        """Whether the answer does not reach the plant, likewise."""
+        return self.answers and self.begin <= tick
+
+
+NEVER_SILENT: Final = Silence(NEVER, NEVER)
+
+
+def _silence_at(silences: Sequence[Silence], tick: i64) -> Silence:
+    """The silence of a tick, or the next one, of those in order."""
+    return next((silence for silence in silences if tick < silence.end), NEVER_SILENT)
+
+
+def simulate(scenario: Resolved, silences: Sequence[Silence] = ()) -> Course:
+    """Run a resolved scenario in lockstep, with silences in the order of their ticks."""
     params = plant.build.make_params(scenario)
     state, events = plant.build.begin(scenario, params)
     law = controller.build.make_params(
@@ -103,22 +134,27 @@ def simulate(scenario: Resolved) -> Course:
     course = Course([], list(events), "", [], [])
     said: Output | None = None
     command, ticks = Command(), scenario.ticks
+    silence = _silence_at(silences, 0)
     tick: i64 = 0
     for tick in range(ticks):
+        silence = silence if tick < silence.end else _silence_at(silences, tick)
         seen, power_w, ordered = sample(params, state), math.nan, None
         course.x_m.append(seen.x_m)
         course.v_m_s.append(seen.v_m_s)
         if tick & 1 == 0:
             power_w = float(nearest(sensed(params, state).electric_power_w))
         before, valve = state.dead_centre, valve_move(params, state)
-        state, events = step(params, state, command)
+        told = PistonSample(seen.x_m, seen.v_m_s, unheard(params, state))
+        state, events = step(params, state, None if silence.hides_answer(tick) else command)
         if events:
             course.events.extend(events)
         if state.dead_centre is not before and state.dead_centre.number != before.number:
             course.dead_centres.append(state.dead_centre)
         if tick == schedule.next_tick:
             ordered = schedule.take()
-        inputs = Inputs(tick, PistonSample(seen.x_m, seen.v_m_s), ordered, power_w, 0, valve)
+        inputs = Inputs(tick, None, ordered) if silence.hides_sample(tick) else Inputs(
+            tick, told, ordered, power_w, 0, valve
+        )  # fmt: skip
         mind, output = controller.step.step(law, mind, inputs)
         if said is None or not _says_the_same(output, said):
             command = command_of(output)

@@ -86,11 +86,16 @@ def _reorder(
 
 
 def _silence(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
-    """Count the silence; when it has lasted, brake, and close the injectors."""
+    """Count the silence; when it has lasted, brake, and close the injectors.
+
+    A machine that motors brakes at once: a first charge that burns meanwhile would drive the piston
+    into the head, since the order to brake has not come.
+    """
     s, begins = silence.silent(p, s, events)
-    if not begins:
+    if begins:
+        s = _lines(p, s, False, _NO_PULSES, events)
+    elif s.machine.order.mode != MOTOR:
         return s
-    s = _lines(p, s, False, _NO_PULSES, events)
     return _reorder(p, s, silence.safe_order(p), s.tick * p.period_ns, events)
 
 

@@ -3,11 +3,13 @@
 import math
 import tomllib
 from contextlib import contextmanager
+from itertools import pairwise
 
 import pytest
 from rich.console import Console
 
 from bench.judge.response import Response
+from bench.run.offline import Silence, simulate
 from bench.studies.campaign import config, run
 from bench.studies.campaign import execution as campaigns
 from bench.studies.campaign import table as campaign_table
@@ -119,6 +121,48 @@ def test_the_controller_believes_the_engine_that_was_not_varied():
 
 def test_a_run_gives_the_same_row_again():
     assert str(run.run_one(SMALL, 5)) == str(run.run_one(SMALL, 5))
+
+
+def test_silences_are_drawn_apart_at_any_phase_and_end_before_the_run_does():
+    campaign = config.read("no-loss")
+    found = [draw(campaign, index).silences for index in range(0, 60, 6)]
+    assert found == [draw(campaign, index).silences for index in range(5, 60, 6)]
+    for silences in found:
+        for begin_s, end_s, of in silences:
+            assert 1e-3 <= end_s - begin_s <= 9e-3
+            assert end_s < campaign.duration_s
+            assert of in ("samples", "answers", "both")
+        assert all(a[1] < b[0] for a, b in pairwise(silences))
+
+
+def test_a_silence_hides_samples_and_answers_and_the_engine_goes_on():
+    scenario = config.scenario_of(SMALL, draw(SMALL, 0))
+    undisturbed = simulate(scenario)
+    assert simulate(scenario, (Silence(10**6, 10**6 + 5),)) == undisturbed
+    silences = tuple(Silence(k, k + 6, k % 3 != 0, k % 3 != 1) for k in range(30, 250, 31))
+    course = simulate(scenario, silences)
+    assert course.dead_centres != undisturbed.dead_centres
+    assert course.mode == "generating"
+
+
+def test_what_is_refused_is_not_lost():
+    campaign = SMALL.model_copy(update={
+        "set": {"loop.rate_hz": 500, "plant.command_delay_ticks": 3},
+        "vary": {}, "models": ("harmonic",), "prototypes": ("nu",),
+    })  # fmt: skip
+    row = run.run_one(campaign, 0)
+    assert (row["mode"], row["lost"]) == (run.NOT_BEGUN, False)
+    assert "loop.rate_hz 500 with plant.command_delay_ticks 3" in row["note"]
+    text = campaign_table.table(campaign, [row])
+    assert "| cascade | 1 | 1 | 0 |" in text
+
+
+@pytest.mark.parametrize("name", ["no-loss", "no-loss-two-stroke"])
+def test_campaigns_of_every_kind_of_trouble_are_shipped(name):
+    campaign = config.read(name)
+    assert campaign.misfires.probability == 0.01
+    assert campaign.vary["plant.command_delay_ticks"].choices == (0, 1, 2, 3)
+    assert draw(campaign, 0).silences
 
 
 def test_the_packaged_campaign_can_be_drawn():

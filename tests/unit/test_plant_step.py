@@ -212,6 +212,21 @@ def test_command_that_may_not_fire_forces_every_line_low():
     assert state.pulses.fuel_kg[1] == pytest.approx(0.2e-6)
 
 
+@pytest.mark.parametrize(("order", "then"), [
+    (MachineOrder(MOTOR, 300.0, 0.0), GENERATOR), (MachineOrder(GENERATOR, 0.0, 500.0), GENERATOR),
+])  # fmt: skip
+def test_a_machine_that_motors_brakes_in_a_tick_without_an_answer(order, then):
+    p = params()
+    state, _ = run(p, settled(p), Command(order, may_fire=False), 3)
+    assert state.machine.order == order
+    silent, events = run(p, state, None, 1)
+    assert (silent.machine.order.mode, list(events)) == (then, [])
+    braking = p.load_coefficient_n_s_m if order.mode == MOTOR else 500.0
+    assert silent.machine.order.load_coefficient_n_s_m == braking
+    again, _ = run(p, silent, Command(order, may_fire=False), 1)
+    assert again.machine.order == order
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_engine_without_commands_ends_at_rest(model):
     p = params(model)

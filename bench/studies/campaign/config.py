@@ -70,6 +70,18 @@ class MisfireSpread(Section):
     probability: float = Field(default=0.01, ge=0.0, le=0.5)
 
 
+class SilenceSpread(Section):
+    """Silences of the link, so many a second, each at any phase: of samples, of answers or of both.
+
+    low_s, high_s: how long; they come from `begin_s` on, and none in the last second of a run
+    """
+
+    per_s: float = Field(default=1.0, gt=0.0, le=20.0)
+    low_s: float = Field(default=1e-3, gt=0.0, le=0.1)
+    high_s: float = Field(default=9e-3, gt=0.0, le=0.1)
+    begin_s: float = Field(default=0.3, ge=0.0, le=1e3)
+
+
 class StopRule(Section):
     """When fewer runs than `runs` are enough: once every law's interval of confidence is narrow.
 
@@ -103,6 +115,7 @@ class Campaign(Section):
     prototypes: tuple[TwoChambers, ...] = (DEFAULT.name,)
     load: LoadSpread = LoadSpread()
     misfires: MisfireSpread | None = None
+    silences: SilenceSpread | None = None
     stop: StopRule | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)
     vary: dict[str, Spread] = Field(default_factory=dict)
@@ -131,6 +144,8 @@ class Drawn(Section):
     index: int
     facts: dict[str, Scalar]
     overrides: dict[str, Any]
+    silences: tuple[tuple[float, float, str], ...] = ()
+    """Each with its beginning and end [s], and of what: samples, answers or both."""
 
 
 def draw(campaign: Campaign, index: int) -> Drawn:
@@ -156,7 +171,8 @@ def draw(campaign: Campaign, index: int) -> Drawn:
     overrides |= _load_events(campaign.load, rng, facts)
     if campaign.misfires is not None:
         overrides |= _misfire_events(campaign, campaign.misfires, rng, facts)
-    return Drawn(index=index, facts=facts, overrides=overrides)
+    silences = () if campaign.silences is None else _silences(campaign, campaign.silences, rng)
+    return Drawn(index=index, facts=facts, overrides=overrides, silences=silences)
 
 
 def _value(rng: np.random.Generator, key: str, spread: Spread, prototype: str) -> Scalar:
@@ -208,11 +224,29 @@ def _misfire_events(
     t_s, k = 0.5, 0
     while has_them and misfires.probability > 0.0:
         t_s += float(rng.exponential(1.0 / (misfires.probability * strokes_per_s)))
-        if t_s >= campaign.duration_s or not math.isfinite(t_s):
+        if t_s >= _until_s(campaign) or not math.isfinite(t_s):
             break
         k += 1
         events[f"events.misfire_{k:02d}"] = {"kind": "misfire", "at_s": t_s}
     return events
+
+
+def _silences(
+    campaign: Campaign, spread: SilenceSpread, rng: np.random.Generator
+) -> tuple[tuple[float, float, str], ...]:
+    """Silences at the instants of a Poisson process, none while another one lasts."""
+    found: list[tuple[float, float, str]] = []
+    t_s = spread.begin_s
+    while (t_s := t_s + float(rng.exponential(1.0 / spread.per_s))) < _until_s(campaign):
+        end_s = t_s + float(rng.uniform(spread.low_s, spread.high_s))
+        found.append((t_s, end_s, str(rng.choice(("samples", "answers", "both")))))
+        t_s = end_s + spread.high_s
+    return tuple(found)
+
+
+def _until_s(campaign: Campaign) -> float:
+    """When disturbances cease that the engine has to come back from before the run ends [s]."""
+    return campaign.duration_s - min(1.0, 0.5 * campaign.duration_s)
 
 
 @lru_cache(maxsize=32)

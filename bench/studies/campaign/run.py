@@ -8,13 +8,16 @@ from collections import Counter
 from typing import Any
 
 from bench.judge.response import Response
-from bench.run.offline import Course, simulate
+from bench.run.offline import Course, Silence, simulate
 from bench.studies.campaign.config import Campaign, Drawn, draw, scenario_of
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.values import NEVER
 
 Row = dict[str, Any]
+
+NOT_BEGUN = "not begun"
+"""In place of a mode: the run was refused, as what cannot work is."""
 
 BEFORE_S = 0.8
 """Strokes of so long before the disturbance give the scatter of the undisturbed engine."""
@@ -31,10 +34,19 @@ def run_one(campaign: Campaign, index: int) -> Row:
     row: Row = {"run": index, **{f"set_{k}": v for k, v in drawn.facts.items()}}
     try:
         scenario = scenario_of(campaign, drawn)
-        course = simulate(scenario)
+        course = simulate(scenario, _silences(drawn, scenario.loop.rate_hz))
     except ConfigError as error:
-        return row | _figures(None, math.nan, "not begun") | {"note": str(error)}
+        return row | _figures(None, math.nan, NOT_BEGUN) | {"note": str(error)}
     return row | measure(campaign, drawn, scenario, course)
+
+
+def _silences(drawn: Drawn, rate_hz: float) -> tuple[Silence, ...]:
+    """The silences of a run in ticks."""
+    return tuple(
+        Silence(round(begin_s * rate_hz), max(round(end_s * rate_hz), round(begin_s * rate_hz) + 1),
+                of != "answers", of != "samples")
+        for begin_s, end_s, of in drawn.silences
+    )  # fmt: skip
 
 
 def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course) -> Row:
@@ -86,5 +98,5 @@ def _figures(response: Response | None, sigma_mm: float, mode: str) -> Row:
         "settling_mean_ms": settling[2], "sigma_mm": sigma_mm, "mean_mm": math.nan,
         "fuel_mean_mg": math.nan, "fuel_sigma_mg": math.nan, "contacts": 0, "misfires": 0,
         "forced_misfires": 0, "strokes": 0, "mode": mode,
-        "lost": mode not in ("generating", "motoring"), "note": "",
+        "lost": mode not in ("generating", NOT_BEGUN), "note": "",
     }  # fmt: skip

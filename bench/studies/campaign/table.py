@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.studies.campaign.config import Campaign, draw, tree_of
-from bench.studies.campaign.run import Row
+from bench.studies.campaign.run import NOT_BEGUN, Row
 from hil.files import Output
 
 WORST = 3
@@ -65,10 +65,11 @@ def _line(cells: Sequence[str]) -> str:
 
 def cells(law: str, rows: list[Row]) -> list[str]:
     """A row of the table."""
-    kept = [row for row in rows if not row["lost"]]
+    begun = [row for row in rows if row["mode"] != NOT_BEGUN]
+    kept = [row for row in begun if not row["lost"]]
     unsettled = sum(1 for row in kept if math.isinf(row["settling_mean_ms"]))
     counts = [
-        law, str(len(rows)), str(len(rows) - len(kept)),
+        law, str(len(rows)), str(len(rows) - len(begun)), str(len(begun) - len(kept)),
         str(sum(1 for row in rows if row["contacts"])),
         f"{sum(r['misfires'] for r in rows)} ({sum(r['forced_misfires'] for r in rows)})",
         str(unsettled),
