@@ -10,19 +10,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, final
 
-from mypy_extensions import i64
-
 from controller.motion import load_estimate
-from controller.motion.charge import (
-    AS_BELIEVED,
-    UNALIGNED,
-    Charge,
-    Learning,
-    align,
-    first_fuel,
-    foresee,
-    learn,
-)
+from controller.motion.charge import AS_BELIEVED, UNALIGNED, Charge, Learning, first_fuel
 from controller.motion.deadbeat import fuel_after
 from controller.motion.law import Demand, Law, Trim, View
 from controller.motion.load_estimate import (
@@ -31,42 +20,11 @@ from controller.motion.load_estimate import (
     LoadEstimate,
     LoadEstimation,
 )
+from controller.motion.work import NO_WORK, Work, learnt_of
 from hil.config.controller import ControllerConfig
 from hil.values import Value
 
 _STEP: Final = 0.03
-
-
-@final
-class Work(Value):
-    """The braking of a stroke, for learning.
-
-    start_m, begun_ns: the dead centre at which it began, 0 when that was not seen
-    braked, swept: sums of c v^2 and of v^2 since; scale_then: scale of the load there
-    """
-
-    __slots__ = ("start_m", "begun_ns", "scale_then", "braked", "swept")
-
-    def __init__(
-        self, start_m: float = 0.0, begun_ns: i64 = -1, scale_then: float = 0.0,
-        braked: float = 0.0, swept: float = 0.0,
-    ) -> None:  # fmt: skip
-        self.start_m = start_m
-        self.begun_ns = begun_ns
-        self.scale_then = scale_then
-        self.braked = braked
-        self.swept = swept
-
-    def after(self, c: float, v: float) -> Work:
-        """The work one tick later, braked with c at the velocity v."""
-        v_sq = v * v
-        return Work(
-            self.start_m, self.begun_ns, self.scale_then, self.braked + c * v_sq,
-            self.swept + v_sq,
-        )  # fmt: skip
-
-
-NO_WORK: Final = Work()
 
 
 @final
@@ -129,7 +87,7 @@ class MachineLaw(Law[MachineState]):
             load = load_estimate.update(self.estimation, load, view.power_w, v, acting)
         before, learnt = state.ordered_n_s_m or base, state.charge
         if view.passed.dead_centre:
-            learnt = _learnt(self.learning, learnt, load, state.work, view)
+            learnt = learnt_of(self.learning, learnt, load, state.work, view)
             work = Work(view.motion.tdc_m, view.motion.dc_t_ns, load.scale)
             return MachineState(load, learnt, base, before, work), Trim(load_n_s_m=base)
         work = state.work.after(acting * load.scale, v)
@@ -175,19 +133,3 @@ class MachineLaw(Law[MachineState]):
     def restarted(self, state: MachineState) -> MachineState:
         """Keep what was learnt; the stroke under way teaches nothing."""
         return MachineState(state.load, state.charge)
-
-
-def _learnt(config: Learning, learnt: Charge, load: LoadEstimate, work: Work, view: View) -> Charge:
-    """At the dead centre: learn from the braking that the stroke behind has needed."""
-    if not learnt.known:
-        c = view.load_n_s_m * load.scale
-        return align(config, learnt, view, c) if load.is_sure else learnt
-    fired = 1 - view.motion.side
-    if work.start_m <= 0.0 or work.swept <= 0.0 or view.burnt_at(fired) <= 0.0:
-        return learnt
-    if abs(load.scale - work.scale_then) > config.load_change * load.scale:
-        return learnt
-    c = work.braked / work.swept
-    q = learnt.effective_kg(view, fired)
-    forecast = foresee(learnt.map_of(view), q, c, work.start_m, work.begun_ns)
-    return learn(config, learnt, view, forecast, c)
