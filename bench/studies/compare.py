@@ -72,7 +72,7 @@ def compare(name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] =
 
     Raises: ConfigError when the scenario has no load step, or cannot begin
     """
-    tree = read_toml(scenarios.find(name))
+    tree = scenarios.tree_of(name)
     for key, value in changes:
         tree = with_override(tree, key, value)
     event, load = _load_step(build(tree, name))

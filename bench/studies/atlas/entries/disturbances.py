@@ -29,7 +29,7 @@ def course_of(scenario: str, **changes: object) -> Course:
 
     Raises: ConfigError for a key that there is not
     """
-    tree = read_toml(scenarios.find(scenario))
+    tree = scenarios.tree_of(scenario)
     tree = {**tree, "expect": {}}
     for key, value in changes.items():
         tree = with_override(tree, key.replace("__", "."), value)
