@@ -14,7 +14,6 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
-from hil.toml import read_toml
 
 Changes = tuple[tuple[str, Any], ...]
 

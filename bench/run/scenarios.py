@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil import compiled
-from hil.config.base import Tree
 from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed, table_cases
 from hil.errors import ConfigError
+from hil.toml import Tree
 
 _LONGEST_NAME, _MOST_SHOWN = 64, 12
 PACKAGED = compiled.root() / "bench" / "scenarios"

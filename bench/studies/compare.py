@@ -17,7 +17,6 @@ from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.toml import read_toml
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc
 

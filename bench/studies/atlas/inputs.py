@@ -15,7 +15,6 @@ from bench.studies.engine.operation import PART_LOADS
 from bench.studies.engine.sweep import DEGREES, STARTING_FORCES_N
 from hil.config.detailed import read
 from hil.config.prototypes import PROTOTYPES
-from hil.toml import read_toml
 
 Read = Callable[[], float]
 
