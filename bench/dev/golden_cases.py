@@ -14,7 +14,6 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
-from hil.toml import read_toml
 
 Changes = tuple[tuple[str, Any], ...]
 
@@ -42,7 +41,7 @@ class Case(NamedTuple):
 
 def scenario_for(case: Case, changes: Changes = LOCKSTEP) -> Resolved:
     """Return the whole configuration of a golden run."""
-    tree = read_toml(scenarios.find(case.scenario))
+    tree = scenarios.tree_of(case.scenario)
     given = reduce(lambda t, change: with_override(t, *change), (*case.changes, *changes), tree)
     return resolve(build(given, f"golden run {case.name}"))
 

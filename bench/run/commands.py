@@ -63,13 +63,21 @@ def log_flags(segment: str | None, retain: str | None) -> dict[str, Any]:
     return flags
 
 
+def check_report(*, wanted: bool) -> None:
+    """Refuse a run whose report could not be drawn at its end.
+
+    Raises: MissingExtraError
+    """
+    if wanted and find_spec("uplot") is None:
+        raise MissingExtraError("uplot-python", "desk", "the report (or give --no-report: it)")
+
+
 def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     """Run a scenario and tell how it went; returns the exit code.
 
     Raises: HilError with the line that the user is told
     """
-    if options.report and find_spec("uplot") is None:
-        raise MissingExtraError("uplot-python", "desk", "the report (or give --no-report: it)")
+    check_report(wanted=options.report)
     frames = None
     if options.can_log is not None:
         frames = can_log.output_of(options.can_log, force=options.force)

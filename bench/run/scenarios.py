@@ -12,6 +12,7 @@ from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed, table_cases
 from hil.errors import ConfigError
+from hil.toml import Tree
 
 _LONGEST_NAME, _MOST_SHOWN = 64, 12
 PACKAGED = compiled.root() / "bench" / "scenarios"
@@ -68,6 +69,15 @@ class Found(NamedTuple):
         if not self.case.name:
             return scenario
         return scenario.model_copy(update={"name": _run_name(scenario.name, self.case.name)})
+
+
+def tree_of(name: str) -> Tree:
+    """Return the keys of a scenario by name or path, with what it includes.
+
+    Raises: ConfigError when there is none, or it has cases
+    """
+    found = read_cases(name)
+    return only([one.case for one in found], name).tree
 
 
 def _run_name(name: str, case: str) -> str:

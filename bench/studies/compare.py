@@ -17,7 +17,6 @@ from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.toml import read_toml
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.limit_cycle import fuel_for_tdc
 
@@ -72,7 +71,7 @@ def compare(name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] =
 
     Raises: ConfigError when the scenario has no load step, or cannot begin
     """
-    tree = read_toml(scenarios.find(name))
+    tree = scenarios.tree_of(name)
     for key, value in changes:
         tree = with_override(tree, key, value)
     event, load = _load_step(build(tree, name))

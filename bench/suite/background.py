@@ -12,11 +12,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from bench.live.engines import engine_of
+from bench.live.steer import joined, set_parameters
 from bench.run.checks.signals import source_of
 from bench.run.directory import RunFiles
 from bench.run.execution import execute, resolved
@@ -29,6 +29,7 @@ from hil.config.resolved import read_resolved
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError, LinkError, RunError
 from hil.files import Output
+from hil.wire.answers import CommandAnswer
 
 _READY_S: Final = 20.0
 _ENDED_S: Final = 15.0
@@ -76,9 +77,9 @@ class Background:
                 time.sleep(_LOOK_S)
         for tap in self._taps.values():
             self._stack.callback(tap.close)
-        self._operator = engine_of(files.scenario).operator("hil")
+        self._operator = joined(files.directory, _SIDES)
         self._stack.callback(self._operator.close)
-        while not set(_SIDES) <= self._operator.alive() or not self.t_s:
+        while not self.t_s:
             self.step()
 
     def value(self, signal_name: str) -> float:
@@ -116,9 +117,20 @@ class Background:
 
         Raises: ConfigError when it is refused, LinkError without an answer
         """
-        answer = self._operator.ask(command, to, _ANSWER_S)
-        if not answer.taken:
-            raise ConfigError(answer.text)
+        self._refuse(self._operator.ask_all(command, (to,), _ANSWER_S))
+
+    def set(self, values: Mapping[str, object]) -> None:
+        """Change parameters in one transaction.
+
+        Raises: ConfigError when they are refused, LinkError without an answer
+        """
+        self._refuse(set_parameters(self._operator, values, _ANSWER_S))
+
+    @staticmethod
+    def _refuse(answers: Sequence[CommandAnswer]) -> None:
+        for answer in answers:
+            if not answer.taken:
+                raise ConfigError(answer.text)
 
     def close(self) -> None:
         """End both processes in order, their logs finished."""

@@ -13,7 +13,7 @@ from bench import streams
 from bench.api.runs import carry_out
 from bench.judge.verdict import VERDICTS
 from bench.run import directory as outdir
-from bench.run.commands import RunOptions
+from bench.run.commands import RunOptions, check_report
 from bench.run.resolve import resolve
 from bench.run.scenarios import Found, read_cases
 from bench.suite import outputs
@@ -61,6 +61,7 @@ def run(names: Sequence[str], changes: Changes, options: SuiteOptions) -> int:
 
     Raises: ConfigError before the first run when one of them cannot be read or written
     """
+    check_report(wanted=options.report)
     found = [one for name in names for one in read_cases(name)]
     scenarios = [one.scenario(changes) for one in found]
     for scenario in scenarios:
@@ -75,7 +76,8 @@ def run(names: Sequence[str], changes: Changes, options: SuiteOptions) -> int:
             results.append(_run_one(one, scenario, place, options))
             _tell(console, results[-1], len(results), len(found))
     finally:
-        _write(files, results)
+        if results:
+            _write(files, results)
     if options.as_json:
         print(outputs.json_text(results), end="")
     console.print(f"{_counted(results)}; {files['page'].path}", soft_wrap=True, markup=False)

@@ -14,7 +14,8 @@ from bench.web.page import own
 _STYLE = """
 td.met { color: var(--good); font-weight: 600; } td.bad { color: var(--bad); font-weight: 600; }
 td.none { color: var(--soft); } table { margin-bottom: 8px; }
-td small { color: var(--soft); display: block; }
+td small { color: var(--soft); display: block; font-weight: 400; }
+td a { color: inherit; }
 """
 
 

@@ -18,7 +18,8 @@ from bench.run.checks.signals import source_of
 from bench.run.memory.pair import Pair
 from bench.suite.fixtures import changes_of
 from hil.errors import ConfigError
-from hil.wire import commands
+from hil.names.parameters import parameter_of
+from hil.wire import changes, commands
 
 if TYPE_CHECKING:
     import pytest
@@ -49,6 +50,9 @@ class Engine(Protocol):
     def order(self, command: Mapping[str, object], to: str, /) -> None:
         """Give a command to who acts on it."""
 
+    def set(self, values: Mapping[str, object], /) -> None:
+        """Change parameters."""
+
 
 class InMemory:
     """An engine in memory and lockstep."""
@@ -66,6 +70,15 @@ class InMemory:
     def order(self, command: Mapping[str, object], _to: str) -> None:
         """Put a command on the key that both sides read."""
         self.pair.order(command, "test")
+
+    def set(self, values: Mapping[str, object]) -> None:
+        """Change parameters, each side its own.
+
+        Raises: ConfigError for a key of neither side, or a value out of its range
+        """
+        for key, value in values.items():
+            parameter_of(key).checked(value)
+        self.pair.order(changes.encode(changes.SET, values), "test")
 
 
 class Rig:
@@ -101,12 +114,17 @@ class Rig:
         """
         self.order(kind, **fields)
 
-    def set(self, **given: float) -> None:
-        """Change set points: `rig.set(tdc_ref_m=0.0152)`.
+    def set(self, values: Mapping[str, object] | None = None, **set_points: float) -> None:
+        """Change parameters, `rig.set({"controller.cascade.outer.kp": 30.0})`, and set points.
+
+        A set point has a short name: `rig.set(tdc_ref_m=0.0152)`.
 
         Raises: ConfigError as `order`
         """
-        self.order("set-point", **given)
+        if values:
+            self.engine.set(values)
+        if set_points:
+            self.order("set-point", **set_points)
 
     def read(self, signal: str) -> float:
         """Return the newest value of a signal; nan while there is none.

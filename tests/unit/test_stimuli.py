@@ -200,6 +200,8 @@ RUNNING = {
         "miss": {"kind": "misfire", "when": {"event": "ramp", "after_s": 0.2}},
         "set": {"kind": "pulse", "parameter": "controller.tdc_ref_m", "value": 0.0152,
                 "width_s": 0.1, "repeat": 4, "every_s": 0.3, "at_s": 0.05},
+        "gain": {"kind": "ramp", "parameter": "controller.cascade.outer.kp", "value": 20.0,
+                 "over_s": 0.1, "at_s": 0.6},
         "again": {"kind": "set-point", "tdc_ref_m": 0.0153,
                   "when": {"signal": "controller.stroke.index", "above": 48.0}},
     },
@@ -225,6 +227,8 @@ def test_stimuli_act_in_their_ticks_and_are_in_the_log(running):
     load = running.truth.load_coefficient_n_s_m
     assert load[302] / load[50] == pytest.approx(1.1, rel=1e-9)
     assert load[202] / load[50] == pytest.approx(1.0 + 0.1 * 0.1 / 0.2, rel=2e-2)
+    gain = running.controller.stimulus.value[-1]
+    assert 20.0 in gain
     told = [line.text for line in running.events if line.code == "stimulus"]
     assert told[0] == "drift (sine) begins"
     assert "noise (noise) begins" in told

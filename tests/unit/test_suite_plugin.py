@@ -98,6 +98,10 @@ def test_rig(rig):
     rig.set(tdc_ref_m=0.0152)
     took_s = rig.wait_for("controller.stroke.tdc_ref_m <= 0.0152", timeout_s=0.1)
     assert 0.0 < took_s <= 0.1
+    rig.set({"controller.cascade.outer.kp": 20.0, "plant.disturbance.load_scale": 0.97})
+    rig.wait(0.05)
+    assert rig.engine.pair.controller.params.config.cascade.outer.kp == 20.0
+    assert rig.engine.pair.plant.params.config.disturbance.load_scale == 0.97
     rig.fault("misfire", count=1)
     rig.wait_for(lambda rig: rig.read("plant.truth.disturbance") == 4, timeout_s=0.1)
     with pytest.raises(TimeoutError, match="plant.truth.x_m > 0.1 within 0.05 s: "):
@@ -135,6 +139,7 @@ def test_rig(rig):
     rig.wait(0.2)
     rig.set(tdc_ref_m=0.0153)
     assert rig.wait_for("controller.stroke.tdc_ref_m <= 0.0153", timeout_s=2.0) >= 0.0
+    rig.set({"plant.disturbance.load_scale": 0.97})
     rig.fault("misfire", count=1)
     rig.wait_for(lambda rig: rig.read("plant.truth.disturbance") == 4, timeout_s=2.0)
     with pytest.raises(ConfigError, match="tdc_ref_m=0.03 from"):

@@ -21,7 +21,6 @@ from hil.files import read_regular
 from hil.names.parameters import parameter_of, value_of
 from hil.stimuli.courses import extremes
 from hil.stimuli.records import MOST_PARAMETERS
-from hil.wire.commands import BY_PARAMETER
 from plant.stimulation import SIGNALS as OF_PLANT
 
 _SIGNALS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -72,12 +71,6 @@ def _check_parameter(scenario: Resolved, given: Stimulus) -> None:
     parameter = parameter_of(given.parameter)
     if not parameter.live or parameter.side == "both":
         raise ConfigError(f"{given.parameter} cannot change while the engine runs")
-    if parameter.side == "controller" and parameter.key not in BY_PARAMETER:
-        raise ConfigError(
-            f"{given.parameter}: accepted of the controller: {', '.join(BY_PARAMETER)}"
-        )
-    if parameter.kind not in ("number", "whole number"):
-        raise ConfigError(f"{given.parameter} is a {parameter.kind}; accepted is a number")
     base = value_of(scenario, given.parameter)
     if base is None:
         raise ConfigError(f"{given.parameter} has no value; accepted is a stimulus of one that has")

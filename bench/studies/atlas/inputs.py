@@ -15,7 +15,6 @@ from bench.studies.engine.operation import PART_LOADS
 from bench.studies.engine.sweep import DEGREES, STARTING_FORCES_N
 from hil.config.detailed import read
 from hil.config.prototypes import PROTOTYPES
-from hil.toml import read_toml
 
 Read = Callable[[], float]
 
@@ -49,7 +48,7 @@ def _set(scenario: str, path: str, less: float = 0.0) -> Read:
     """A value of a scenario, as `load-decrease events.load.value`; a step is told less 1."""
 
     def get() -> float:
-        tree: Any = read_toml(scenarios.find(scenario))
+        tree: Any = scenarios.tree_of(scenario)
         for name in path.split("."):
             tree = tree[name]
         return float(tree) - less

@@ -252,7 +252,7 @@ def _until_s(campaign: Campaign) -> float:
 @lru_cache(maxsize=32)
 def _nominal_preset(scenario: str, model: str, prototype: str, tdc_ref_m: float | None) -> Any:  # noqa: ANN401
     """What the controller believes: the steady state of the unvaried engine on that model."""
-    tree = read_toml(scenarios.find(scenario))
+    tree = scenarios.tree_of(scenario)
     tree = with_override(tree, "plant.model", model)
     tree = with_override(tree, "plant.prototype", prototype)
     if tdc_ref_m is not None:
@@ -262,7 +262,7 @@ def _nominal_preset(scenario: str, model: str, prototype: str, tdc_ref_m: float 
 
 def tree_of(campaign: Campaign, drawn: Drawn) -> Tree:
     """The scenario of a run as a tree: base, draws, and the preset of the nominal engine."""
-    tree = read_toml(scenarios.find(campaign.scenario))
+    tree = scenarios.tree_of(campaign.scenario)
     tree.pop("expect", None)
     for key, value in drawn.overrides.items():
         tree = with_override(tree, key, value)

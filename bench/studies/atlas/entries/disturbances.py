@@ -13,7 +13,6 @@ from bench.studies.atlas.entry import Entry, Finding, Found
 from bench.web.chart import Chart, Level, Series, series
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
-from hil.toml import read_toml
 
 LEFT = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
 """Shares of the load that are left after a misfire."""
@@ -29,7 +28,7 @@ def course_of(scenario: str, **changes: object) -> Course:
 
     Raises: ConfigError for a key that there is not
     """
-    tree = read_toml(scenarios.find(scenario))
+    tree = scenarios.tree_of(scenario)
     tree = {**tree, "expect": {}}
     for key, value in changes.items():
         tree = with_override(tree, key.replace("__", "."), value)
