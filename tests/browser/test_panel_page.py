@@ -13,6 +13,8 @@ pytest.importorskip("starlette", reason="needs the extra panel")
 
 from bench.run.directory import RunFiles
 
+pytestmark = pytest.mark.slow
+
 LONG_S = 2000  # it is ended with the last test
 
 
