@@ -18,8 +18,14 @@ BrowserOption = Annotated[
 def panel(
     *,
     run: Annotated[
-        Path, typer.Option("--run", metavar="DIR", help="Directory of the run to look at.")
-    ],
+        Path | None,
+        typer.Option(
+            "--run",
+            metavar="DIR",
+            help="Directory of a run, or the file of a scenario"
+            " in which nothing is open; else the one that runs.",
+        ),
+    ] = None,
     port: PortOption = 0,
     no_browser: BrowserOption = False,
 ) -> None:

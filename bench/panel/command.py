@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from bench.live.engines import engine_of
 from bench.panel import server
 from bench.panel.access import new_token
 from bench.panel.session import Subject
@@ -20,18 +21,21 @@ from hil.errors import ConfigError
 _END_S: Final = 5.0
 
 
-def subject_of(run: Path) -> Subject:
-    """Return the engine of a run, by its directory.
+def subject_of(run: Path | None) -> Subject:
+    """Return the engine of a run, by its directory or a scenario's file; None: the one that runs.
 
-    Raises: ConfigError when it is no directory of a run
+    Raises: ConfigError when there is none, or several run; LinkError when none does
     """
-    files = RunFiles(run)
+    where = Path(engine_of(None).where) if run is None else run
+    if where.is_file():
+        return Subject(read_resolved(where), None)
+    files = RunFiles(where)
     if not files.scenario.is_file():
-        raise ConfigError(f"{run}: no run: scenario.json is missing")
+        raise ConfigError(f"{where}: no run: scenario.json is missing; --run takes its file, too")
     return Subject(read_resolved(files.scenario), files)
 
 
-def run(directory: Path, port: int, *, browser: bool) -> int:
+def run(directory: Path | None, port: int, *, browser: bool) -> int:
     """Serve the panel of a run until interrupted; prints the address.
 
     Raises: ConfigError, LinkError

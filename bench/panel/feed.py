@@ -137,7 +137,9 @@ def _words(data: bytes, offsets: NDArray[np.int64], topic: Topic, side: str) -> 
             yield Word(t_ns * 1e-9, side, topics.SEVERITIES.get(severity, "info"), code, text)
         elif topic is topics.COMMAND:
             origin, raw = rest
-            yield Word(t_ns * 1e-9, side, "info", "order", f"{_shown(raw)} from {origin}")
+            told = _shown(raw)
+            if not told.startswith("get "):  # asked often, and changes nothing
+                yield Word(t_ns * 1e-9, side, "info", "order", f"{told} from {origin}")
 
 
 def _shown(data: bytes) -> str:

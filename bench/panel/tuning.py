@@ -1,33 +1,27 @@
-"""Parameters of a running pair over the command key: all that are live, asked for and set."""
+"""Parameters of a running pair over the command key: all that are live, set and asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from bench.panel.steering import Operator
-from hil.errors import ConfigError
+from bench.live import steer
 from hil.wire.answers import CommandAnswer
-from hil.wire.commands import BY_PARAMETER, read
 
 
 def set_values(
-    operator: Operator, values: Mapping[str, Any], timeout_s: float
+    operator: steer.Operator, values: Mapping[str, Any], timeout_s: float
 ) -> tuple[CommandAnswer, ...]:
     """Change parameters, all or none; returns what each process says.
 
-    Raises: ConfigError for one that is not live, LinkError when nobody answers
+    Raises: ConfigError for a key of neither, LinkError when nobody answers
     """
-    tables: dict[str, dict[str, Any]] = {}
-    for key, value in values.items():
-        if key not in BY_PARAMETER:
-            raise ConfigError(f"{key}: does not change while the engine runs")
-        kind, name = BY_PARAMETER[key]
-        tables.setdefault(kind, {"kind": kind})[name] = value
-    asked = [read(table, "hil panel") for table in tables.values()]
-    return tuple(operator.ask(command.table(), command.to, timeout_s) for command in asked)
+    return tuple(steer.set_parameters(operator, values, timeout_s))
 
 
-def get_values(_operator: Operator, _timeout_s: float) -> dict[str, Any]:
-    """Return the live parameters by key."""
-    return {}
+def get_values(operator: steer.Operator, timeout_s: float) -> dict[str, Any]:
+    """Return the live parameters in force, by key.
+
+    Raises: LinkError when a process does not answer
+    """
+    return dict(steer.values_of(operator, "", timeout_s))

@@ -127,10 +127,10 @@ const Panel = (() => {
       series: [loop("left", 1), loop("right", -1)], extent: [0, 2 * half * area * 1.02] };
   }
   function timing() {
-    return { title: "TTL lines and modes", y: "", needs: pulseSignals, series: [], lanes: [], pulses: true, low: 0, high: 1, height: 90 };
+    return { title: "TTL lines and modes", y: "", needs: pulseSignals, series: [], lanes: [], pulses: true, bare: true, low: 0, high: 1, height: 90 };
   }
   function lateness() {
-    return { title: "Tick lateness", y: "late  [µs]", height: 200, series: [line("plant.timing.late_us", "plant", "plant"), line("controller.timing.late_us", "controller", "controller")] };
+    return { title: "Tick lateness", y: "late  [µs]", height: 200, series: [line("plant.timing.late_us", "plant", "plant"), line("controller.timing.late_us", "controller", "controller", { fromLeast: true })] };
   }
   function fuel() {
     return { title: "Fuel and speed", y: "m  [mg]", height: 200, series: [line("controller.stroke.fuel_kg", "fuel", "motion", { scale: 1e6, kind: "steps" })] };
@@ -182,10 +182,12 @@ const Panel = (() => {
       const y = track.y(s.signal), x = track.x();
       if (s.against) fillLoop(s, track, x, y);
       else if (s.only) pick(s, x, y, track.y(s.only[0]));
-      else { s.x = x; s.y = scaled(y, s.scale); if (s.around) { s.y2 = s.y.map(v => v + s.around); s.y = s.y.map(v => v - s.around); } }
+      else { s.x = x; s.y = scaled(y, s.scale); if (s.fromLeast) s.y = aboveLeast(s.y); if (s.around) { s.y2 = s.y.map(v => v + s.around); s.y = s.y.map(v => v - s.around); } }
     }
     if (plot.spec.pulses) plot.spec.lanes = lanes();
   }
+  /* A process that is driven by samples has no deadline: its lateness counts from the earliest. */
+  const aboveLeast = y => { let least = Infinity; for (const v of y) least = Math.min(least, v); return y.map(v => v - least); };
   const scaled = (y, k) => k === 1 ? y : y.map(v => v * k);
   function pick(s, x, y, side) {
     const at = []; for (let i = 0; i < x.length; i++) if (side[i] === s.only[1]) at.push(i);

@@ -245,10 +245,10 @@ const Plots = (() => {
         size, stroke: () => ink("soft"), grid: { stroke: () => ink("grid"), width: 1 },
         ticks: { show: false } });
       const x = axis(this.spec.x, 32), y = axis(this.spec.y, 56);
-      const lanes = (this.spec.lanes || []).some(lane => lane.label);
+      const lanes = this.spec.bare || (this.spec.lanes || []).some(lane => lane.label);
       if (lanes) y.size = 88;
       x.values = (u, ticks) => ticks.map(v => v === null ? "" : String(+v.toPrecision(7)));
-      y.values = (u, ticks) => x.values(u, ticks.map(v => lanes && v < this.foot ? null : v));
+      y.values = (u, ticks) => x.values(u, ticks.map(v => this.spec.bare || (lanes && v < this.foot) ? null : v));
       if (this.spec.names) { y.splits = () => this.spec.names.map((_, i) => i); y.values = () => this.spec.names; y.size = 90; }
       return {
         width: this.box.clientWidth || 600, height: this.height(), legend: { show: false },

@@ -13,6 +13,8 @@ pytest.importorskip("starlette", reason="needs the extra panel")
 
 from bench.run.directory import RunFiles
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
 LONG_S = 2000  # it is ended with the last test
 
 
@@ -33,7 +35,7 @@ def engine(tmp_path_factory):
 def panel(visit, engine):
     page = visit(engine[0], width=1400, bypass_csp=True)  # waiting evaluates strings
     page.wait_for_selector("html[data-ready]")
-    page.wait_for_function("Panel.state.frames > 3", timeout=60_000)
+    page.wait_for_function("Panel.state.frames > 3")
     return page
 
 
@@ -45,7 +47,7 @@ def steer(page):
 def told(page, text):
     """The answer that says it, waited for."""
     item = page.locator("#answers li", has_text=text).first
-    item.wait_for(timeout=15_000)
+    item.wait_for()
     return item.inner_text()
 
 
@@ -78,14 +80,14 @@ def test_a_fault_at_a_click_reaches_the_engine(panel, engine):
     steer(panel)
     panel.locator("button[data-kind='misfire']").click()
     assert "taken" in told(panel, "misfire count=1")
-    panel.locator("#events li", has_text="misfire").first.wait_for(timeout=15_000)
+    panel.locator("#events li", has_text="misfire").first.wait_for()
 
 
 def test_a_mark_is_in_the_log_and_in_the_scopes(panel):
     steer(panel)
     panel.fill("#mark", "here it begins")
     panel.click("#put-mark")
-    panel.locator("#events li", has_text="here it begins").first.wait_for(timeout=15_000)
+    panel.locator("#events li", has_text="here it begins").first.wait_for()
     assert panel.evaluate("Panel.scopes[0].spec.marks.some(m => m.label.startsWith('here it'))")
 
 
@@ -99,16 +101,16 @@ def test_a_set_point_moves_the_dead_centres_and_is_undone(panel):
         "(() => { const y = Panel.trackOf('controller.stroke.tdc_m').y('controller.stroke.tdc_m');"
     )
     reached += " return Math.abs(y[y.length - 1] - %s) < 1e-4; })()"
-    panel.wait_for_function(reached % 0.015, timeout=20_000)
+    panel.wait_for_function(reached % 0.015)
     panel.click("#undo")
-    panel.wait_for_function(reached % 0.0155, timeout=20_000)
+    panel.wait_for_function(reached % 0.0155)
 
 
 def test_pause_holds_and_the_last_minute_comes_at_full_rate(panel):
     panel.click("#pause")
     held = panel.evaluate("Panel.group.range[1]")
     panel.click("#full")
-    panel.wait_for_function("Panel.group.range[1] - Panel.group.range[0] > 50", timeout=20_000)
+    panel.wait_for_function("Panel.group.range[1] - Panel.group.range[0] > 50")
     t = panel.evaluate("Array.from(Panel.trackOf('plant.truth.x_m').x())")
     steps = {round((b - a) * 1000) for a, b in pairwise(t)}
     assert steps == {1}
@@ -120,7 +122,7 @@ def test_a_trigger_holds_where_a_signal_crosses_its_level(panel):
     panel.fill("#trigger-level", "0.005")
     panel.check("#trigger-single")
     panel.click("#trigger")
-    panel.wait_for_function("Panel.state.held !== null", timeout=20_000)
+    panel.wait_for_function("Panel.state.held !== null")
     crossing = "t.y('plant.truth.x_m')[Plots.place(t.x(), Panel.state.held)]"
     x_m = panel.evaluate(f"(t => {crossing})(Panel.trackOf('plant.truth.x_m'))")
     assert x_m == pytest.approx(0.005, abs=0.005)
@@ -131,7 +133,7 @@ def test_a_scope_of_any_signals_is_added(panel):
     panel.fill("#add", "controller.timing.used_tick, plant.sensor.v_m_s")
     panel.click("#add-scope")
     assert panel.locator("#scopes figure").count() == before + 1
-    panel.wait_for_function("Panel.trackOf('plant.sensor.v_m_s')?.n > 100", timeout=20_000)
+    panel.wait_for_function("Panel.trackOf('plant.sensor.v_m_s')?.n > 100")
 
 
 def test_a_second_viewer_sees_and_does_not_steer(panel, visit, engine):
@@ -146,7 +148,7 @@ def test_a_second_viewer_sees_and_does_not_steer(panel, visit, engine):
 def test_anybody_stops_the_engine_at_once_and_the_log_says_who(panel, engine):
     panel.keyboard.press("Escape")
     panel.wait_for_function("document.getElementById('mode').textContent === 'safe'")
-    panel.locator("#asked", has_text="emergency-stop").wait_for(timeout=15_000)
+    panel.locator("#asked", has_text="emergency-stop").wait_for()
     steer(panel)
     panel.get_by_role("button", name="Start").click()
     panel.wait_for_function(
