@@ -56,6 +56,10 @@ _ENGINE: Final = (
         "terminal_power_mean_w", "W", "mean of the signed power, what the drive's braking yields"
         " included; the same as above but in four-stroke engines",
     ),
+    Figure(
+        "brake_fuel_kg_kwh", "kg/kWh",
+        "brake specific consumption: fuel burnt in the run by the electric energy delivered",
+    ),
     Figure("misfires", "", "charges that did not burn"),
     Figure("contacts", "", "contacts with a head"),
     Figure("last_speed_m_s", "m/s", "of the piston at the end"),

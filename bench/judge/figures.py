@@ -42,6 +42,8 @@ _FINAL_STROKES = 10
 
 Figures = dict[str, Any]
 
+_J_PER_KWH = 3.6e6
+
 
 class RunData(NamedTuple):
     """What is kept of a run's logs.
@@ -139,9 +141,11 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     Parameters: wall_s : what the loop took, None when it is not known [s]
     """
     simulated_s = data.truth.ticks / data.scenario.loop.rate_hz
+    motion = _motion(data)
     return {
-        **_motion(data),
+        **motion,
         **_after_main_event(data),
+        "brake_fuel_kg_kwh": _brake_fuel(motion["fuel_total_mg"], data.electric.energy_j),
         "electric_energy_j": data.electric.energy_j,
         "electric_power_mean_w": data.electric.power_w,
         "terminal_power_mean_w": data.electric.terminal_w,
@@ -154,6 +158,11 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
         "speed_sim_s_per_wall_s": _ratio(simulated_s, wall_s),
         **_ticks(data),
     }
+
+
+def _brake_fuel(fuel_mg: Any, energy_j: float) -> float | None:  # noqa: ANN401
+    """Fuel by the electric energy that it came to, None where the machine took more."""
+    return fuel_mg * 1e-6 * _J_PER_KWH / energy_j if energy_j > 0.0 else None
 
 
 def _ratio(a: float, b: float | None) -> float | None:

@@ -76,6 +76,8 @@ def test_skipped_ticks_take_no_power_off_the_mean(tmp_path):
 def test_energy_is_power_times_time(response):
     found = figures(response, 0.5)
     assert found["electric_energy_j"] == pytest.approx(100.0 * 1.0)
+    kwh = found["electric_energy_j"] / 3.6e6
+    assert found["brake_fuel_kg_kwh"] == pytest.approx(found["fuel_total_mg"] * 1e-6 / kwh)
     assert found["electric_power_mean_w"] == pytest.approx(100.0)
     assert found["speed_sim_s_per_wall_s"] == pytest.approx(2.0)
 
