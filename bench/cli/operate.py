@@ -112,6 +112,31 @@ def signals(pattern: PatternArgument = "", *, as_json: JsonOption = False) -> No
     raise typer.Exit(names.show_signals(pattern, as_json=as_json))
 
 
+def xcp(
+    *,
+    port: Annotated[
+        int, typer.Option(min=0, max=65_535, help="TCP and UDP; 0: a free one.")
+    ] = 5555,
+    a2l: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the A2L file, and no more.")
+    ] = None,
+    force: Force = False,
+    run: RunOption = None,
+) -> None:
+    """Serve a running engine to a calibration tool: an XCP slave on Ethernet, on this machine."""
+    if a2l is not None:
+        from bench.live.xcp import a2l as description
+        from hil.files import Output
+
+        file = Output("--a2l", a2l, force)
+        file.check(".a2l")
+        file.write(description.text())
+        raise typer.Exit(0)
+    from bench.live.xcp import server
+
+    raise typer.Exit(server.run(port, run))
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     app.command()(status)
@@ -121,3 +146,4 @@ def register(app: typer.Typer) -> None:
     app.command()(stop)
     app.command()(parameters)
     app.command()(signals)
+    app.command()(xcp)

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from bench.live.engines import engine_of
 from hil.errors import LinkError
+from hil.wire.answers import CommandAnswer
 from hil.wire.status import SHOWN, Status
 
 PROCESSES: Final = ("plant", "controller")
@@ -29,6 +30,9 @@ class Operator(Protocol):
 
     def poll_status(self) -> tuple[str, dict[str, Any]] | None:
         """Return (process, status) of the oldest status not yet taken, or None."""
+
+    def ask(self, command: Mapping[str, object], to: str, timeout_s: float) -> CommandAnswer:
+        """Send one command and return what its addressee says."""
 
     def close(self) -> None:
         """Leave."""

@@ -1,0 +1,1 @@
+"""An XCP slave on Ethernet: signals to be measured, parameters to be calibrated."""

@@ -1,0 +1,213 @@
+"""The slave's process: TCP and UDP at one port of this machine, records of both processes behind.
+
+It is an operator under the same access control as `hil set`, and takes its place in no loop.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from bench.live.engines import Engine, engine_of
+from bench.live.steer import Operator, set_parameters, values_of
+from bench.live.xcp.addresses import Place
+from bench.live.xcp.daq import EVENTS
+from bench.live.xcp.slave import Slave
+from drivers.recorder.tap import Tap
+from hil.errors import ConfigError, HilError, LinkError
+
+_HEAD: Final = struct.Struct("<HH")
+_POLL_S: Final = 0.01
+_HOST: Final = "127.0.0.1"
+_MOST_BYTES: Final = 4096
+
+
+class Bench:
+    """The engine, as the slave sees it: newest records, parameters over the command path."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.taps = {side: Tap.join(engine.records_of(side)) for side in ("plant", "controller")}
+        self._operator: Operator = engine.operator("hil xcp")
+        self._newest: dict[tuple[str, str], Any] = {}
+
+    def rows(self, side: str) -> dict[str, Any]:
+        """Return what a process has recorded since the last time."""
+        tap = self.taps[side]
+        data = tap.read()
+        rows = tap.rows(data) if data else {}
+        for topic, found in rows.items():
+            self._newest[side, topic] = found[-1]
+        return rows
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come."""
+        return any(tap.ended for tap in self.taps.values())
+
+    def read(self, place: Place) -> float:
+        """Return the newest value of a signal, or the value in force of a parameter."""
+        if place.parameter is not None:
+            key = place.parameter.key
+            value = values_of(self._operator, key).get(key)
+            return float("nan") if value is None else float(value)
+        assert place.signal is not None
+        row = self._newest.get((place.signal.side, place.signal.topic))
+        if row is None:
+            return 0.0
+        value = row[place.signal.field]
+        return float(value if place.signal.item is None else value[place.signal.item])
+
+    def write(self, place: Place, value: float | bool) -> bool:
+        """Change a parameter; whether that was taken."""
+        assert place.parameter is not None
+        try:
+            answers = set_parameters(self._operator, {place.parameter.key: value})
+        except HilError:
+            return False
+        return all(answer.taken for answer in answers)
+
+    def close(self) -> None:
+        """Leave."""
+        self._operator.close()
+        for tap in self.taps.values():
+            tap.close()
+
+
+class Server:
+    """Both sockets at one port; the master that connected last is the one that is served."""
+
+    def __init__(self, bench: Bench, port: int) -> None:
+        self._bench = bench
+        self._slave = Slave(bench)
+        self._send: Callable[[bytes], None] | None = None
+        self._count = 0
+        self._selector = selectors.DefaultSelector()
+        self._listener = _bound(socket.SOCK_STREAM, port)
+        self._listener.listen(1)
+        self.port: int = self._listener.getsockname()[1]
+        self._datagrams = _bound(socket.SOCK_DGRAM, self.port)
+        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+        self._selector.register(self._datagrams, selectors.EVENT_READ, self._datagram)
+
+    def serve(self) -> None:
+        """Serve until the engine's records end."""
+        next_s = time.monotonic()
+        while not self._bench.ended:
+            for key, _ in self._selector.select(max(next_s - time.monotonic(), 0.0)):
+                key.data()
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + _POLL_S
+                for side in EVENTS:
+                    self._measure(side)
+
+    def _measure(self, side: str) -> None:
+        rows = self._bench.rows(side)
+        if self._send is None:
+            return
+        for packet in self._slave.packets(side, rows):
+            self._transmit(packet)
+
+    def _transmit(self, packet: bytes) -> None:
+        """Send a packet; a master that takes none is left."""
+        if self._send is None:
+            return
+        message = _HEAD.pack(len(packet), self._count) + packet
+        self._count = self._count + 1 & 0xFFFF
+        try:
+            self._send(message)
+        except OSError:
+            self._leave()
+
+    def _leave(self) -> None:
+        self._send = None
+        self._slave = Slave(self._bench)
+
+    def _accept(self) -> None:
+        connection, _ = self._listener.accept()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.settimeout(1.0)
+        received = bytearray()
+
+        def take() -> None:
+            try:
+                data = connection.recv(_MOST_BYTES)
+            except OSError:
+                data = b""
+            if not data:
+                self._selector.unregister(connection)
+                connection.close()
+                self._leave()
+                return
+            received.extend(data)
+            self._answer(received, connection.sendall)
+
+        self._selector.register(connection, selectors.EVENT_READ, take)
+
+    def _datagram(self) -> None:
+        data, sender = self._datagrams.recvfrom(_MOST_BYTES)
+
+        def send(message: bytes) -> None:
+            self._datagrams.sendto(message, sender)
+
+        self._answer(bytearray(data), send)
+
+    def _answer(self, received: bytearray, send: Callable[[bytes], None]) -> None:
+        """Answer every whole command among the bytes."""
+        while len(received) >= _HEAD.size:
+            length, _ = _HEAD.unpack_from(received)
+            if len(received) < _HEAD.size + length or not length:
+                return
+            packet = bytes(received[_HEAD.size : _HEAD.size + length])
+            del received[: _HEAD.size + length]
+            if packet[0] == 0xFF:
+                self._count = 0
+            self._send = send
+            try:
+                response = self._slave.answer(packet)
+            except LinkError:
+                response = bytes([0xFE, 0x10])
+            self._transmit(response)
+
+    def close(self) -> None:
+        """Give both sockets back."""
+        self._selector.close()
+        for each in (self._listener, self._datagrams):
+            with contextlib.suppress(OSError):
+                each.close()
+
+
+def _bound(kind: socket.SocketKind, port: int) -> socket.socket:
+    """A socket at a port of this machine.
+
+    Raises: ConfigError when that cannot be had
+    """
+    made = socket.socket(socket.AF_INET, kind)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((_HOST, port))
+    except OSError as error:
+        made.close()
+        raise ConfigError(f"--port {port}: {error.strerror}") from None
+    return made
+
+
+def run(port: int, directory: Path | None) -> int:
+    """Serve a running engine to an XCP master.
+
+    Raises: ConfigError, LinkError when no engine records
+    """
+    bench = Bench(engine_of(directory))
+    server = Server(bench, port)
+    try:
+        print(f"XCP on {_HOST}:{server.port}, TCP and UDP", flush=True)
+        server.serve()
+    finally:
+        server.close()
+        bench.close()
+    return 0

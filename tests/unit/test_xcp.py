@@ -1,0 +1,142 @@
+"""The XCP slave: what a master asks for is what it gets, and nothing else."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from bench.live.xcp import a2l
+from bench.live.xcp.addresses import address_of, places
+from bench.live.xcp.slave import Slave
+from hil.log import topics
+from hil.names.parameters import live
+
+KP = "controller.cascade.outer.kp"
+NAMES = ("plant.truth.tick", "plant.truth.x_m", "plant.truth.contacts", "plant.timing.missed")
+
+
+class Target:
+    def __init__(self):
+        self.values, self.takes = {KP: 39.0}, True
+
+    def read(self, place):
+        name = place.parameter.key if place.parameter else place.signal.name
+        return self.values.get(name, 0.0)
+
+    def write(self, place, value):
+        if self.takes:
+            self.values[place.parameter.key] = value
+        return self.takes
+
+
+@pytest.fixture
+def slave():
+    made = Slave(Target())
+    assert made.answer(b"\xff\x00") == struct.pack("<BBBBHBB", 0xFF, 0x05, 0, 255, 1400, 1, 1)
+    return made
+
+
+def ask(slave, form, *values):
+    return slave.answer(struct.pack(f"<{form}", *values))
+
+
+def ticks(first, count):
+    """Records of some ticks, as arrays."""
+    truth = np.zeros(count, np.dtype(topics.TRUTH.layout.numpy_spec))
+    timing = np.zeros(count, np.dtype(topics.TIMING.layout.numpy_spec))
+    for rows in (truth, timing):
+        rows["tick"] = np.arange(first, first + count)
+        rows["t_ns"] = rows["tick"].astype(np.int64) * 1_000_000
+    truth["x_m"] = truth["tick"] * 1e-5
+    return {"/truth": truth, "/timing": timing}
+
+
+def test_a_value_is_uploaded_and_downloaded(slave):
+    address = address_of(KP)
+    assert ask(slave, "BBBBI", 0xF4, 8, 0, 0, address) == b"\xff" + struct.pack("<d", 39.0)
+    ask(slave, "BBBBI", 0xF6, 0, 0, 0, address)
+    raw = struct.pack("<d", 41.5)
+    assert slave.answer(b"\xf0\x05" + raw[:5]) == b"\xff"
+    assert slave.answer(b"\xf0\x03" + raw[5:]) == b"\xff"
+    assert slave._target.values[KP] == 41.5
+
+
+def test_what_the_engine_refuses_is_out_of_range(slave):
+    slave._target.takes = False
+    ask(slave, "BBBBI", 0xF6, 0, 0, 0, address_of(KP))
+    assert slave.answer(b"\xf0\x08" + struct.pack("<d", 1e9)) == b"\xfe\x22"
+
+
+def test_a_signal_cannot_be_written_and_nothing_is_where_nothing_is(slave):
+    ask(slave, "BBBBI", 0xF6, 0, 0, 0, address_of(NAMES[1]))
+    assert slave.answer(b"\xf0\x08" + bytes(8)) == b"\xfe\x24"
+    assert ask(slave, "BBBBI", 0xF4, 1, 0, 0, 0x123) == b"\xfe\x22"
+    assert slave.answer(b"\xc0") == b"\xfe\x20"
+    assert slave.answer(b"\xf6") == b"\xfe\x21"
+    assert slave.answer(b"\xfc") == b"\xfe\x00"
+
+
+def test_before_a_connection_nothing_is_answered():
+    assert Slave(Target()).answer(b"\xfd") == b"\xfe\x20"
+
+
+def listed(slave, names=NAMES):
+    found = [places()[address_of(name)] for name in names]
+    slave.answer(b"\xd6")
+    ask(slave, "BBH", 0xD5, 0, 1)
+    ask(slave, "BBHB", 0xD4, 0, 0, 1)
+    ask(slave, "BBHBB", 0xD3, 0, 0, 0, len(found))
+    ask(slave, "BBHBB", 0xE2, 0, 0, 0, 0)
+    for place in found:
+        assert ask(slave, "BBBBI", 0xE1, 0xFF, place.size, 0, place.address) == b"\xff"
+    ask(slave, "BBHHBB", 0xE0, 0x10, 0, 0, 1, 0)
+    assert ask(slave, "BBH", 0xDE, 2, 0) == b"\xff\x00"
+    assert slave.answer(b"\xdd\x01") == b"\xff"
+    return "<BI" + "".join(place.code for place in found)
+
+
+def test_every_tick_is_measured_with_its_time(slave):
+    form = listed(slave)
+    assert slave.answer(b"\xfd")[1] == 0x40
+    packets = [p for first in (100, 117) for p in slave.packets("plant", ticks(first, 17))]
+    rows = [struct.unpack(form, packet) for packet in packets]
+    assert [row[2] for row in rows] == list(range(100, 134))
+    assert [row[1] for row in rows] == [1000 * tick for tick in range(100, 134)]
+    assert rows[5][3] == 105 * 1e-5
+    assert list(slave.packets("controller", ticks(0, 3))) == []
+    assert slave.answer(b"\xdd\x00") == b"\xff"
+    assert list(slave.packets("plant", ticks(134, 3))) == []
+
+
+def test_what_is_not_put_every_tick_holds(slave):
+    form = listed(slave, ("controller.stroke.tdc_m",))
+    ask(slave, "BBHHBB", 0xE0, 0x10, 0, 1, 1, 0)
+    rows = ticks(10, 6)
+    stroke = np.zeros(1, np.dtype(topics.STROKE.layout.numpy_spec))
+    stroke["tick"], stroke["tdc_m"] = 13, 0.0155
+    packets = list(slave.packets("controller", rows | {"/stroke": stroke}))
+    values = [struct.unpack(form, packet)[2] for packet in packets]
+    assert values == [0.0, 0.0, 0.0, 0.0155, 0.0155, 0.0155]
+    (later, *_) = slave.packets("controller", ticks(16, 2))
+    assert struct.unpack(form, later)[2] == 0.0155
+
+
+def test_a_packet_is_never_longer_than_what_was_told(slave):
+    ask(slave, "BBH", 0xD5, 0, 1)
+    ask(slave, "BBHB", 0xD4, 0, 0, 1)
+    ask(slave, "BBHBB", 0xD3, 0, 0, 0, 250)
+    ask(slave, "BBHBB", 0xE2, 0, 0, 0, 0)
+    address = address_of(NAMES[1])
+    answers = [ask(slave, "BBBBI", 0xE1, 0xFF, 8, 0, address) for _ in range(250)]
+    assert answers.count(b"\xff") == (1400 - 5) // 8
+    assert answers[-1] == b"\xfe\x30"
+
+
+def test_the_a2l_file_has_every_number_at_its_address():
+    text = a2l.text()
+    assert text.count("/begin") == text.count("/end")
+    assert f"VALUE 0x{address_of(KP):08X} FLOAT64 0 NO_COMPU_METHOD -1000.0 1000.0" in text
+    assert "/begin MEASUREMENT plant.actuator.pulse_channel[3]" in text
+    numbers = [p for side in ("plant", "controller") for p in live(side).values()
+               if p.kind in ("number", "boolean")]  # fmt: skip
+    assert text.count("/begin CHARACTERISTIC") == len(numbers)
