@@ -9,12 +9,14 @@ from mypy_extensions import i64
 from hil.log import packing, topics
 from hil.names.changes import REFUSED
 from hil.pacing import Slot
+from hil.wire.messages import VALVES
 from hil.wire.pulses import PulseOrder, unwrap_ns
 from hil.wire.status import PlantStatus
 from plant.answers import Answer, Answers
 from plant.memory import Measured
 from plant.rig import events as codes
 from plant.rig.events import Event
+from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
 
 _ROOM: Final = 4
@@ -125,3 +127,27 @@ def status_of(
         changes=0,
         reception=answers.decoder.counts()._asdict(),
     )._asdict()
+
+
+def pack_valves(p: PlantParams, tick: int, before: PlantState, after: PlantState) -> bytes:
+    """Pack the valves that have moved in a tick, each at its own instant."""
+    waiting = max(len(before.pulses.valves.told) - 1, 0)  # one was told with this tick's sample
+    moves = after.pulses.valves.told[waiting:]
+    if not moves or not p.valves.by_lines:
+        return b""
+    gaps_m, t_ns = p.engine.gaps_m(after.motion), tick * p.period_ns
+    data = b""
+    for move in moves:
+        way_m = after.x_m - _position_m(p, before, after, float(move.t_ns - t_ns) * 1e-9)
+        gap_m = gaps_m[0] - way_m if move.line < 2 else gaps_m[1] + way_m
+        data += topics.VALVE.pack(tick, move.t_ns, VALVES[0] + move.line, int(move.is_open), gap_m)
+    return data
+
+
+def _position_m(p: PlantParams, before: PlantState, after: PlantState, s: float) -> float:
+    """Position s seconds into a tick: the cubic through both its ends [m]."""
+    h = p.dt_s
+    d = (after.x_m - before.x_m) / h
+    c2 = (3.0 * d - 2.0 * before.v_m_s - after.v_m_s) / h
+    c3 = (before.v_m_s + after.v_m_s - 2.0 * d) / (h * h)
+    return before.x_m + s * (before.v_m_s + s * (c2 + c3 * s))

@@ -25,7 +25,7 @@ from hil.wire.fields import most_of
 from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, SLOW_ORDER, PistonSample, PlantTick
 from plant import faults
 from plant.answers import Answer, Answers
-from plant.log import pack_events, pack_skipped, pack_turn, status_of
+from plant.log import pack_events, pack_skipped, pack_turn, pack_valves, status_of
 from plant.memory import LoopMemory, Measured, Ordered
 from plant.rig.events import Event
 from plant.rig.params import PlantParams
@@ -250,6 +250,8 @@ class PlantLoop:
             self._initial_events, events = _NO_EVENTS, self._initial_events + events
         if events:
             data += pack_events(tick, t_ns, events)
+        if self.state.pulses.valves.told:
+            data += pack_valves(self.params, tick, before, self.state)
         if self._heard:
             data, self._heard = data + self._heard, b""
         if (tick + 1) % self._snapshot_every == 0:

@@ -202,6 +202,16 @@ class Stimulus(Record):
     ]
 
 
+class Valve(Record):
+    """A valve that a controller moves has opened or closed; the record stands at that instant."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "its instant, from the start of the run", "ns")]
+    channel: Annotated[int, Field("uint8", _told(CHANNELS))]
+    is_open: Annotated[int, Field("uint8", "1 opened, 0 closed")]
+    gap_m: Annotated[float, Field("float64", "distance of the piston from the valve's head", "m")]
+
+
 SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor, EVERY_TICK)
 ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator, EVERY_TICK)
 STROKE: Final[Topic] = Topic("/stroke", 3, Stroke, EVERY_STROKE, ("controller",))
@@ -214,10 +224,11 @@ DEMAND: Final[Topic] = Topic("/demand", 9, Demand, EVERY_STROKE, ("controller",)
 SNAPSHOT: Final[Topic] = Topic("/snapshot", 10, Snapshot)
 COMMAND: Final[Topic] = Topic("/command", 11, Command)
 STIMULUS: Final[Topic] = Topic("/stimulus", 12, Stimulus)
+VALVE: Final[Topic] = Topic("/valve", 13, Valve)
 
 ALL: Final[tuple[Topic, ...]] = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
-    DEMAND, SNAPSHOT, COMMAND, STIMULUS,
+    DEMAND, SNAPSHOT, COMMAND, STIMULUS, VALVE,
 )  # fmt: skip
 
 HOT: Final[tuple[Topic, ...]] = (

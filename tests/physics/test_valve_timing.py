@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from valve_rig import ValveRun
 
+from hil.log import topics
+
 TABLE_3_3_MM = {
     ("exhaust", True): 23.0, ("exhaust", False): 31.0,
     ("intake", True): 28.0, ("intake", False): 34.0,
@@ -34,6 +36,19 @@ def test_the_engine_runs_on_them_as_on_its_own_programme(two_stroke):
     reached = [abs(dc.x_m) for dc in two_stroke.dead_centres[10:]]
     assert np.mean(reached) == pytest.approx(two_stroke.scenario.controller.tdc_ref_m, abs=0.1e-3)
     assert two_stroke.most_frames <= 2  # beside four fixed ones: six frames a tick
+
+
+def test_each_move_is_logged_with_where_the_piston_was(two_stroke):
+    """Records of /valve: a message's payload stands behind 31 bytes of MCAP and 4 of CDR."""
+    size = len(topics.VALVE.pack(0, 0, 4, 1, 0.0))
+    records = [two_stroke.logged[i : i + size] for i in range(0, len(two_stroke.logged), size)]
+    rows = [topics.VALVE.layout.unpack(record[35:]) for record in records]
+    assert len(rows) == len(two_stroke.moves)
+    for (_, t_ns, channel, is_open, gap_m), move in zip(rows, two_stroke.moves, strict=True):
+        x = two_stroke.position_m(move.t_ns)
+        gap = 20e-3 + x if move.line < 2 else 20e-3 - x
+        assert (t_ns, channel - 4, is_open) == (move.t_ns, move.line, int(move.is_open))
+        assert gap_m == pytest.approx(gap, abs=2e-5)
 
 
 def test_delays_are_learnt_from_the_position_switches():

@@ -14,6 +14,7 @@ from hil.config.load import build
 from hil.config.prototypes import NU
 from hil.rounding import nearest
 from hil.wire.messages import PistonSample
+from plant.log import pack_valves
 from plant.rig.state import Command
 from plant.rig.step import step
 from plant.sensors import sample, sensed, valve_move
@@ -32,6 +33,7 @@ class ValveRun:
         self.params = plant.build.make_params(self.scenario)
         self.state, self.events = plant.build.begin(self.scenario, self.params)
         self.dead_centres, self.moves, self.path, self.most_frames = [], [], [], 0
+        self.logged = b""
         self._run(set(lost))
 
     def _run(self, lost):
@@ -45,6 +47,7 @@ class ValveRun:
             self.path.append((tick * 1e6, s.x_m, s.v_m_s))
             self.state, events = step(self.params, s, None if tick in lost else command)
             self.events += events
+            self.logged += pack_valves(self.params, tick, s, self.state)
             known = s.pulses.valves.told[1:] if s.pulses.valves.told else ()
             self.moves += self.state.pulses.valves.told[len(known) :]
             if self.state.dead_centre.number != s.dead_centre.number:
