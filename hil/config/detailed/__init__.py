@@ -26,16 +26,7 @@ from hil.config.detailed.parts import (
 )
 from hil.config.plant import PlantConfig
 from hil.config.prototypes import ENGINES, PROTOTYPES, Prototype, model_files
-from hil.config.ranges import (
-    FlowKgS,
-    Gamma,
-    GasConstant,
-    HeatingValue,
-    MassKg,
-    PressurePa,
-    Restitution,
-    TemperatureK,
-)
+from hil.config.ranges import PressurePa
 from hil.errors import ConfigError
 from hil.toml import Tree, read_toml
 
