@@ -64,7 +64,7 @@ def test_mistake_in_an_engine_names_file_key_and_what_is_accepted(nu, key, line,
 def test_mistake_in_a_calibration_names_file_key_and_what_is_accepted(nu, key, line, said):
     path = nu / "two-stroke.toml"
     with_line(path, key, line)
-    told = line_of(read_file, path, "nu")
+    told = line_of(read_file, path, PROTOTYPES["nu"])
     assert told.startswith(f"{path}: ")
     assert said in told
 

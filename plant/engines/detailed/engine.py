@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.config.detailed import Calibration, Side
+from hil.config.detailed import Calibration
+from hil.config.detailed.parts import Side
 from hil.errors import RunError
 from plant.engines.detailed import layout as at
 from plant.engines.detailed.cycles import programme_of
