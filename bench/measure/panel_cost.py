@@ -170,7 +170,7 @@ async def _click(socket: Any, number: int) -> float:  # noqa: ANN401
     await socket.send(json.dumps({"do": "order", "id": number, "command": command}))
     while True:
         told = await socket.recv()
-        if isinstance(told, str) and (m := json.loads(told))["k"] == "answer" and m["taken"]:
+        if isinstance(told, str) and (m := json.loads(told))["k"] == "answer" and m["id"] == number:
             took_s = time.monotonic() - begun_s
             await asyncio.sleep(0.037)
             return took_s * 1e3
