@@ -30,7 +30,7 @@ from hil.log.topics import (
 )
 
 ZEROS = (0, 0, 0, 0)
-CHUNKS, TICKS = 3, 50
+CHUNKS, TICKS = 3, 100
 
 
 def tick_records(k):
