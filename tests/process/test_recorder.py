@@ -45,7 +45,7 @@ def tick_records(k):
         (
             SENSOR.pack(k, t, 0.01, 1.0, 1e5, 1e5, 0.0, 0),
             ACTUATOR.pack(k, t, k, 2, 0.0, 30.0, 0.5, 0, ZEROS, ZEROS, ZEROS),
-            TRUTH.pack(k, t, 0.01, 1.0, 2.8e-6, 30.0, 0, 0, 0, 0.0, 0),
+            TRUTH.pack(k, t, 0.01, 1.0, 2.8e-6, 30.0, 0, 0, 0, 0.0, 0, 1.4, 1.3e5),
             TIMING.pack(k, t, t, t + 50_000, t + 90_000, k - 1, 0),
             FRAMES_SENT.pack(k, t, bytes(20)),
             FRAMES_RECEIVED.pack(k, t, bytes(30)),

@@ -56,7 +56,19 @@ def _write_plant(path: Path, made: Made) -> None:
         last = past[-1] if past else Centre(0, 0.0, 0.0)
         v_m_s = float(np.cos(tick / 8.0))
         truth = topics.TRUTH.pack(
-            tick, t_ns, 0.0, v_m_s, last.fuel_kg, 810.0, 0, len(past), last.t_ns, last.x_m, 0
+            tick,
+            t_ns,
+            0.0,
+            v_m_s,
+            last.fuel_kg,
+            810.0,
+            0,
+            len(past),
+            last.t_ns,
+            last.x_m,
+            0,
+            1.4,
+            1.3e5,
         )
         sensor = topics.SENSOR.pack(tick, t_ns, 0.0, v_m_s, 1e5, 1e5, 100.0, 0)
         log.put(truth + (b"" if tick in made.missed else sensor) + _timing(tick, made))
@@ -83,7 +95,7 @@ def _write_controller(path: Path, made: Made) -> None:
         log.put(
             topics.STROKE.pack(
                 index, tick, tick * PERIOD_NS, side, abs(centre.x_m), made.tdc_ref_m,
-                1.94, 1.94, 2.8e-6, 0.0, 0.0, 0.0, 0.0, 19.9, 1500.0, 0.0,
+                1.94, 1.94, 2.8e-6, 0.0, 0.0, 0.0, 0.0, 19.9, 1500.0, 0.0, 1.4,
             )
         )  # fmt: skip
     for t_ns, code, text in made.controller_events:

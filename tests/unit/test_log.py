@@ -30,18 +30,18 @@ from hil.log.topics import (
 )
 
 ZEROS = (0, 0, 0, 0)
-CHUNKS, TICKS = 3, 50
+CHUNKS, TICKS = 3, 100
 
 
 def tick_records(k):
     """The records of one tick, some topics in every tick and some not."""
     t = k * 1_000_000
     data = SENSOR.pack(k, t, k * 1e-6, -0.5 * k, 1e5, 2e5, 3.5, k % 3)
-    data += TRUTH.pack(k, t, 0.1, 0.2, 2.8e-6, 30.0, 5, k // 7, t - 3, 0.0155, 0)
+    data += TRUTH.pack(k, t, 0.1, 0.2, 2.8e-6, 30.0, 5, k // 7, t - 3, 0.0155, 0, 1.4, 1.3e5)
     data += TIMING.pack(k, t, t, t + 5, t + 9, k - 1, 0)
     data += FRAMES_SENT.pack(k, t, bytes([k % 256]) * (k % 4 * 10))
     if k % 7 == 0:
-        data += STROKE.pack(k // 7, k, t, 1, *(0.5 * n for n in range(9)))
+        data += STROKE.pack(k // 7, k, t, 1, *(0.5 * n for n in range(13)))
         data += EVENT.pack(k, t, 1, "stroke", f"Hub {k} \N{GREEK SMALL LETTER OMEGA}")
     return data
 

@@ -88,7 +88,9 @@ def records():
     data = b""
     for tick in range(3):
         t_ns = tick * 1_000_000
-        data += topics.TRUTH.pack(tick, t_ns, 0.01 * tick, 1.0, 0.0, 810.0, 0, 0, 0, 0.0, 0)
+        data += topics.TRUTH.pack(
+            tick, t_ns, 0.01 * tick, 1.0, 0.0, 810.0, 0, 0, 0, 0.0, 0, 1.4, 1.3e5
+        )
         data += topics.FRAMES_SENT.pack(tick, t_ns, bytes(20))
         data += topics.FRAMES_RECEIVED.pack(tick, t_ns, bytes(30))
     return data + topics.EVENT.pack(2, 2_000_000, 2, "misfire", "left: no spark")
