@@ -6,8 +6,8 @@ from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from controller.motion.load_estimate import LoadDrift
-from hil.config.base import read_toml
 from hil.config.load import build, with_override
+from hil.toml import read_toml
 
 REF = 0.0155
 BEGINS_S, LASTS_S, STROKE_S = 0.2, 0.4, 0.025

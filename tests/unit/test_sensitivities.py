@@ -9,10 +9,10 @@ from bench.studies import tune
 from controller.build import make_params
 from controller.motion.choice import make_laws, refusal
 from controller.motion.maps.sensitivities import SensitivityMap, Table
-from hil.config.base import read_toml
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
+from hil.toml import read_toml
 
 LOAD, REF = 810.0, 0.0155
 LAWS_MADE = make_laws(ControllerConfig())
