@@ -18,7 +18,7 @@ from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar,
 
 CONTROLLER, PLANT = "controller", "plant"
 
-MAX_BYTES: Final = 4096
+MAX_BYTES: Final = 16_384
 """No command is longer."""
 
 _MAX_KEY: Final = 60
