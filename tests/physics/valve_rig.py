@@ -6,7 +6,7 @@ import numpy as np
 
 import controller.build
 import plant.build
-from bench.run.offline import _command_of
+from bench.run.offline import command_of
 from bench.run.resolve import resolve
 from controller.state import Inputs
 from controller.step import step as answer
@@ -58,7 +58,7 @@ class ValveRun:
             )  # fmt: skip
             mind, output = answer(law, mind, inputs)
             self.most_frames = max(self.most_frames, len(output.pulses) + (valve is not None))
-            command = _command_of(output)
+            command = command_of(output)
         self.mode = mind.mode.name.lower()
         self.learnt = mind.valves.learnt
 
