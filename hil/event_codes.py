@@ -30,6 +30,7 @@ OF_THE_CONTROLLER: Final = {
 OF_BOTH: Final = {
     "stimulus": "a stimulus of the scenario begins or ends",
     "parameters": "parameters were changed while the engine ran",
+    "mark": "a mark that an operator has put into the log",
     "command": "an order over the command key was taken",
     "command-refused": "an order was refused",
     "real-time": "what the operating system granted",

@@ -41,6 +41,8 @@ def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | Non
             " controller.stroke_map.kind, or its sensitivities were not given (hil engine"
             " sensitivities)"
         )
+    if law.needs_driven and all(law.config.timing.fires):
+        return f"controller {name}: for engines with driven strokes, and here every stroke fires"
     if law.needs_force and stroke_map is not None and not stroke_map.tells_force:
         return (
             f"controller {name}: follows the force within a stroke, which a map of sensitivities"

@@ -122,6 +122,7 @@ class Law(Generic[StateT]):
     name: what chooses it; parameters: keys of its configuration, below `controller.`, that shape
     it and may be tuned
     needs_map: whether it refuses to work without a stroke's map
+    needs_driven: whether it is for engines of which the machine drives some strokes
     needs_force: whether it follows the force within a stroke, which not every map tells
     watches: whether it has a `watch`, which then runs in every tick while generating
     """
@@ -129,6 +130,7 @@ class Law(Generic[StateT]):
     name: ClassVar[str] = ""
     parameters: ClassVar[tuple[str, ...]] = ()
     needs_map: ClassVar[bool] = False
+    needs_driven: ClassVar[bool] = False
     needs_force: ClassVar[bool] = False
 
     def __init__(self, config: ControllerConfig) -> None:

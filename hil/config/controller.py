@@ -144,7 +144,7 @@ class Preset(Section):
     stroke_s: StrokeTime | None = None
     fuel_per_speed_kg_s_m: float | None = Field(default=None, gt=0.0, le=1.0e-3)
     load_coefficient_n_s_m: CommandedLoad | None = None
-    power_w: float | None = Field(default=None, ge=0.0, le=1.0e5)
+    power_w: float | None = Field(default=None, ge=-1.0e5, le=1.0e5)
     limit: str = Field(default="", max_length=120)
 
 

@@ -93,11 +93,19 @@ ROWS = {
     "engine sweep": [Row("--over load"), Row("--over fuel")],
     "engine analyse": [Row("")],
     "engine precision": [Row("", TIMED)],
+    "engine sensitivities": [Row("--model nonlinear")],
+    "parameters": [Row("cascade")],
+    "signals": [Row("stroke")],
+    "scenario prove": [Row("steady --set run.duration_s=0.4", TIMED)],
+    "new": [Row("law my-law")],
     "fmu export": [Row("unit.fmu --model nonlinear")],
     "fmu check": [Row("../unit.fmu")],
 }
 LIVE = {"plant", "controller", "status", "set", "start", "stop", "bus monitor"}
 """Commands that need a running pair: the tests at the end."""
+
+SERVERS = {"get", "panel", "view", "xcp"}
+"""What serves a page or a tool beside a pair, and reads it: tests of their own."""
 
 
 def hil(way: str, where: Path, arguments: str) -> subprocess.Popen[str]:
@@ -188,7 +196,7 @@ def names_of(command, path=()):
 
 
 def test_every_command_has_its_row_here():
-    assert sorted([*ROWS, *LIVE]) == sorted(names_of(typer.main.get_command(app)))
+    assert sorted([*ROWS, *LIVE, *SERVERS]) == sorted(names_of(typer.main.get_command(app)))
 
 
 @needs_compiled

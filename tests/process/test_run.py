@@ -67,7 +67,7 @@ def test_a_scenario_that_expects_nothing_says_so(tmp_path):
     ("event", "told"),
     [
         ('kind = "set-point"\ntdc_ref_m = 0.03', "tdc_ref_m=0.03 from scenario: accepted up to"),
-        ('kind = "law"\nlaw = "observer"', "accepted: harmonic, rectangular"),
+        ('kind = "law"\nlaw = "cycle"', "here every stroke fires"),
     ],
     ids=["set point", "law"],
 )

@@ -104,7 +104,7 @@ def test_lost_controller_ends_at_rest():
     ("tree", "text"),
     [
         ({"plant": {"model": "four-stroke", "prototype": "bit"}}, "no calibration"),
-        ({"plant": {"model": "two-stroke", "engine": {"moving_mass_kg": 6.0}}}, "moving_mass_kg"),
+        ({"plant": {"model": "two-stroke", "engine": {"gamma": 1.3}}}, "gamma: model two-stroke"),
         ({"plant": {"model": "four-stroke"}, "controller": {"name": "cascade"}}, "cycle alone"),
         ({"plant": {"model": "four-stroke", "prototype": "opposed"}}, "no calibration"),
         (

@@ -27,6 +27,7 @@ SCALARS = {
     "string": st.text(st.characters(exclude_characters="\0", codec="utf-8")),
     "uint8[]": st.binary(max_size=200),
     "uint8[4]": st.tuples(*[st.integers(0, 255)] * 4),
+    "float64[8]": st.tuples(*[st.floats(allow_nan=False)] * 8),
     "int64[4]": st.tuples(*[st.integers(-(2**63), 2**63 - 1)] * 4),
 }
 

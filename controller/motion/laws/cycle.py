@@ -39,6 +39,7 @@ class CycleLaw(Law[CycleState]):
     """Watches power strokes end, and asks once for each charge."""
 
     name: ClassVar[str] = "cycle"
+    needs_driven: ClassVar[bool] = True
     parameters: ClassVar[tuple[str, ...]] = ("cycle.gain",)
 
     def initial(self) -> CycleState:
