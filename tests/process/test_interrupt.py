@@ -81,7 +81,6 @@ def test_a_campaign_is_interrupted_at_any_moment(tmp_path, after_s):
         ("bench", "recorder", "--ticks", "100000000"),
         ("bench", "rate"),
         ("bus", "fuzz"),
-        ("status", "--watch"),
         ("controller", "--config", "bench/scenarios/steady.toml"),
         ("plant", "--config", "bench/scenarios/steady.toml"),
     ],

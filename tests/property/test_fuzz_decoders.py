@@ -80,7 +80,8 @@ def test_both_loops_survive_any_frames_and_stay_within_their_limits(kind, turns)
         for batch in popped(assemblers["plant"], turn) or [None]:
             before = controller.tick
             controller.turn(batch)
-            assert controller.tick - before <= 60_000
+            # The first tick that it hears may be any; from there on it follows none that is far.
+            assert before < 0 or controller.tick - before <= 60_000
         order = plant.state.machine.order
         assert abs(order.force_n) <= 5000.0
         assert 0.0 <= order.load_coefficient_n_s_m <= 10_000.0

@@ -7,7 +7,6 @@ import pytest
 from runs import each_record, make_run, records_of, rewrite
 
 import hil.log
-from bench.dev import golden
 from bench.logs.commands import info as info_command
 from bench.logs.commands import replay as replay_command
 from bench.logs.replay import differences
@@ -319,7 +318,7 @@ def ordered_run(tmp_path, monkeypatch):
         plant, controller = links.open_memory()
         return plant._replace(commands=OnceOrdered()), controller
 
-    monkeypatch.setattr(golden, "open_memory", opened)
+    monkeypatch.setattr("bench.run.memory.pair.open_memory", opened)
     return make_run(tmp_path / "ordered")
 
 
