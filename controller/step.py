@@ -216,10 +216,13 @@ def _trimmed(
     if trim.fuel_kg is not None and plan.fuel_kg > 0.0:
         wanted = fuelling.demand.of(trim.fuel_kg)
         fuelling = fuelling.demanding(safety.limit_fuel(params.limits, most_kg, wanted))
+    stroke_map = view.stroke_map
+    if stroke_map is None:  # the law trims nothing: what does needs a map
+        return fuelling, plan, view.load_n_s_m if trim.load_n_s_m is None else trim.load_n_s_m
     if plan.injection is not None and plan.injection.close_ns > motion.t_ns:
         timings, load = params.timings, law.load_of(fuelling.law, view.load_n_s_m)
         ahead_s = seconds_to_spark(
-            view.believed, motion, load, view.burnt_kg, timings.spark_position_m,
+            stroke_map, motion, load, view.burnt_kg, timings.spark_position_m,
             timings.spark_advance_s,
         )  # fmt: skip
         plan = retime_injection(

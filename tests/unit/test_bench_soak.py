@@ -92,7 +92,7 @@ def test_a_watcher_that_is_stopped_ends():
 
 @pytest.mark.slow
 def test_a_short_soak_tells_and_stores(tmp_path, capsys):
-    changes = [("link.kind", "zenoh"), ("loop.rate_hz", 200)]
+    changes = [("link.kind", "zenoh"), ("loop.rate_hz", 500)]
     code = soak.run(0.2, changes, tmp_path / "out", force=False)
     told = json.loads((tmp_path / "out" / "soak.json").read_text())
     assert set(told["processes"]) == {"plant", "controller", "plant recorder",
