@@ -38,7 +38,7 @@ def test_no_scenario_raises_an_alarm(scenario, model):
     assert [told for told in found if LOST.get(scenario, "-") not in told.text] == []
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [name for name in LAWS if name != "cycle"])  # four-stroke only
 @pytest.mark.parametrize("rate_hz", [500, 1000, 4000])
 def test_no_law_raises_an_alarm(law, rate_hz):
     for scenario in ("load-decrease", "load-increase"):
