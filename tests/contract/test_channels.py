@@ -137,7 +137,7 @@ def test_what_is_too_long_does_not_reach_the_memory_of_a_process(bench, name):
     del tree["low_pass_filter"]
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
         time.sleep(0.5)
-        for size in (20_000, 60_000):
+        for size in (70_000, 200_000):
             session.put(f"hil/contract/{name}", bytes(size))
         time.sleep(0.5)
     assert controller.link.receive() is None
