@@ -56,9 +56,25 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     Raises: ConfigError when the run cannot begin settled as it was asked to
     """
     check_expectations(scenario)
-    whole = believing(_resolved(loaded(scenario), sockets))
+    found = _resolved(loaded(scenario), sockets)
+    _check_set_point(found)
+    whole = believing(found)
     check_stimuli(whole)
     return whole
+
+
+def _check_set_point(scenario: Resolved) -> None:
+    """Refuse a set point that leaves no room to the limit of position, as an operator's is.
+
+    Raises: ConfigError
+    """
+    c = scenario.controller
+    most_m = c.limits.tdc_m - c.supervisory.tdc_room_m
+    if c.name != "open-loop" and c.tdc_ref_m > most_m:
+        raise ConfigError(
+            f"{scenario.name}: controller.tdc_ref_m = {c.tdc_ref_m:g}: accepted up to {most_m:g},"
+            f" {c.supervisory.tdc_room_m:g} below the limit of position"
+        )
 
 
 def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:

@@ -15,6 +15,7 @@ from controller.supervisory import Supervisor
 from hil.config.controller import ControllerConfig, Gains
 from hil.config.load import build, with_override
 from hil.config.prototypes import NU
+from hil.errors import ConfigError
 from hil.toml import read_toml
 
 LOOPS = ["cascade", "single-loop"]
@@ -113,3 +114,13 @@ def test_a_load_step_teaches_nothing_of_the_cylinders(law, monkeypatch):
     load = {"kind": "load-scale", "value": 0.85, "at_s": 0.1, "at_stroke_fraction": 0.25}
     assert run(law, "harmonic", 0.8, **{"events.load": load}).mode == "generating"
     assert set(taught) == {EVEN.more}
+
+
+@pytest.mark.parametrize(("name", "refused"), [("cascade", True), ("open-loop", False)])
+def test_a_run_begins_at_no_set_point_that_an_operator_could_not_have(name, refused):
+    tree = {"controller": {"name": name, "tdc_ref_m": 0.0193}}
+    if not refused:
+        resolve(build(tree, "test"))
+        return
+    with pytest.raises(ConfigError, match=r"tdc_ref_m = 0\.0193: accepted up to 0\.0192"):
+        resolve(build(tree, "test"))
