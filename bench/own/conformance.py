@@ -18,8 +18,11 @@ from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, HilError
 
-_CASES: Final = (("steady", 2.0), ("load-decrease", 2.5), ("misfire", 2.5), ("start", 3.0))
+_CASES: Final = (("steady", 1.0), ("load-decrease", 1.6), ("misfire", 1.6), ("start", 1.5))
 """Scenarios that show a law all that may come, and for how long [s]."""
+
+_NEAR_M: Final = 1.0e-3
+"""Of its set point, at the end of a steady run."""
 
 _MOST_US: Final = 200.0
 """A fifth of a tick of 1 kHz."""
@@ -86,8 +89,17 @@ def findings(file: Path) -> list[Finding]:
         ),
         Finding("determinism: two runs are the same", first == second and not fault, ""),
         Finding(f"time: {_MOST_US:g} us a step in the mean", us <= _MOST_US, f"{us:.1f} us"),
-        Finding("it runs the engine", set(running) == {"generating"}, ", ".join(running)),
+        Finding("it keeps the engine running", set(running) == {"generating"}, ", ".join(running)),
+        _holding(scenarios[0], first),
     ]
+
+
+def _holding(steady: Resolved, courses: list[Course]) -> Finding:
+    """Whether the dead centre is where it was to be, when nothing has disturbed the engine."""
+    if not courses:
+        return Finding("it holds the dead centre", False, "")
+    off_m = abs(courses[0].dead_centres[-1].x_m) - steady.controller.tdc_ref_m
+    return Finding("it holds the dead centre", abs(off_m) < _NEAR_M, f"{1e3 * off_m:+.3f} mm")
 
 
 def _scenario(file: Path, name: str, duration_s: float) -> Resolved:
