@@ -124,6 +124,7 @@ def taken(data: bytes, side: str, names: dict[int, str]) -> Batch:
             frames += int(gather(data, offsets, skip, _LENGTH).sum()) // _FRAME_BYTES
         elif topic is not topics.SNAPSHOT:
             words += _words(data, offsets[-_MOST_WORDS:], topic, side)
+    words.sort(key=lambda word: word.t_s)  # gathered by channel; a page reads them as they happened
     return Batch(rows, words, frames if side == "plant" else 0)
 
 

@@ -292,9 +292,8 @@ const Panel = (() => {
     },
     words(m) {
       for (const w of m.words) {
-        if (w.code.startsWith("mode ")) { mode(w.code.slice(5), w.t_s); $("asked").textContent = w.text; }
-        if (w.code === "order" && /^(start|stop|emergency)/.test(w.text)) state.orderedBy = w.text;
-        if (w.code.startsWith("mode ") && /requested|emergency/.test(w.text) && state.orderedBy) $("asked").textContent = `${w.text}: ${state.orderedBy}`;
+        if (w.code.startsWith("mode ")) { mode(w.code.slice(5), w.t_s); state.turned = w; why(); }
+        if (w.code === "order" && /^(start|stop|emergency)/.test(w.text)) { state.ordered = w; why(); }
         if (state.trigger && state.trigger.edge === "event" && w.code.startsWith(state.trigger.on) && !(state.held !== null && state.trigger.single)) hold(w.t_s);
         if (/^(mark|disturbance|mode |misfire|parameters|contact|safe)/.test(w.code)) note(w);
       }
@@ -316,8 +315,15 @@ const Panel = (() => {
       box.querySelector("p").textContent = m.verdict ? `${m.verdict}: the run has ended${m.exit_reason ? ", " + m.exit_reason : ""}`
         : m.expectations.length ? `so far, to ${m.t_s.toFixed(1)} s` : "no expectations";
     },
-    begun() { tracks.clear(); state.modes = []; state.now = 0; state.held = null; for (const p of scopes) p.spec.marks = []; },
+    begun() { tracks.clear(); state.modes = []; state.turned = state.ordered = null; state.now = 0; state.held = null; for (const p of scopes) p.spec.marks = []; },
   };
+
+  /* Say why the mode is what it is, and who asked for it: order and mode are told in either order. */
+  function why() {
+    if (!state.turned) return;
+    const by = /requested|emergency/.test(state.turned.text) && state.ordered ? `: ${state.ordered.text}` : "";
+    $("asked").textContent = state.turned.text + by;
+  }
 
   /* Mark an event in the scopes, but not again and again. */
   function note(w) {

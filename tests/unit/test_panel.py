@@ -109,6 +109,14 @@ def test_records_are_rows_words_and_frames():
     )  # fmt: skip
 
 
+def test_words_are_told_in_the_order_in_which_they_happened():
+    data = topics.EVENT.pack(1, 1_000_000, 1, "mark", "here")
+    data += topics.COMMAND.pack(2, 2_000_000, "panel", b'{"kind": "emergency-stop"}')
+    data += topics.EVENT.pack(3, 3_000_000, 2, "mode safe", "emergency stop")
+    told = [word.code for word in taken(data, "controller", NAMES).words]
+    assert told == ["mark", "order", "mode safe"]
+
+
 def test_every_number_of_a_log_can_be_shown():
     known = signals.sources()
     assert "plant.truth.x_m" in known
