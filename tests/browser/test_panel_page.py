@@ -34,6 +34,7 @@ def engine(tmp_path_factory):
 @pytest.fixture
 def panel(visit, engine):
     page = visit(engine[0], width=1400, bypass_csp=True)  # waiting evaluates strings
+    page.on("dialog", lambda dialog: dialog.accept())  # who has gone may still be said to steer
     page.wait_for_selector("html[data-ready]")
     page.wait_for_function("Panel.state.frames > 3")
     return page
