@@ -60,9 +60,14 @@ def _due_after(run: NDArray[Any], period_ns: int) -> NDArray[np.int64]:
 
 
 def _stalls_of(run: NDArray[Any], process: str, period_ns: int, due_ns: int | None) -> list[Stall]:
-    """Return the stalls of ticks in a row; `due_ns` is when the first of them was due."""
+    """Return the stalls of ticks in a row; `due_ns` is when the first of them was due.
+
+    A controller's time begins when it comes to the first sample: how long that had waited is told
+    by the tick that it came to soonest.
+    """
     woke_ns = run["woke_ns"].astype(np.int64)
-    first_ns = int(woke_ns[0]) if due_ns is None else due_ns
+    scheduled_ns = run["scheduled_ns"].astype(np.int64)
+    first_ns = int(scheduled_ns[0] + (woke_ns - scheduled_ns).min()) if due_ns is None else due_ns
     due = np.append(first_ns, _due_after(run[:-1], period_ns))
     waits_ns = woke_ns - due
     works_ns = run["done_ns"].astype(np.int64) - woke_ns

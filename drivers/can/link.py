@@ -76,6 +76,9 @@ class Presence(Protocol):
     def is_met(self) -> bool:
         """Whether the peer takes part, fits, and has no other partner."""
 
+    def ready(self) -> None:
+        """Tell the plant that its controller waits for the first sample."""
+
     def note(self, code: str, text: str) -> None:
         """Let the log of this process have an event."""
 
@@ -243,6 +246,7 @@ class CanLink(Link):
         if self._side == "plant":
             self._assembler.forget()  # the answer to the question is none to a sample
         self._port.settle()
+        self._presence.ready()
 
     def _is_known(self, now_ns: int) -> bool:
         """Whether a peer that is heard fits, or has had its time to tell its terms.

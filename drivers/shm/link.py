@@ -163,6 +163,7 @@ class ShmLink(Link):
                 raise LinkError(absent + self._presence.absence())
             time.sleep(_PEER_POLL_S)
         memory.reserve(memory.prefix())
+        self._presence.ready()
 
     def _is_heard(self) -> bool:
         """Whether the peer's end of both queues is there."""

@@ -35,7 +35,7 @@ RIGHTS: Final = (
     Right(("plant",), _SPEAK, ("frames/plant", "status/plant")),
     Right(("plant",), _BE_THERE, ("alive/plant/**", "alive/pair/**")),
     Right(("controller",), _SPEAK, ("frames/controller", "status/controller")),
-    Right(("controller",), _BE_THERE, ("alive/controller/**",)),
+    Right(("controller",), _BE_THERE, ("alive/controller/**", "alive/ready/**")),
     Right(("plant", "controller"), _LISTEN, ("frames/*",)),
     Right(("plant", "controller"), _SERVE, ("command", "stop")),
     Right(("operator",), _ASK, ("command", "stop")),

@@ -94,6 +94,7 @@ class ZenohLink(Link):
                 absent = f"no {self._peer} at {endpoint} after {timeout_s:g} s"
                 raise LinkError(absent + self._node.absence())
             time.sleep(_PEER_POLL_S)
+        self._node.ready()
 
     def reports(self) -> bool:
         """Whether there is something to notice: who else comes to the session."""

@@ -3,6 +3,8 @@
 Presence is a liveliness token, alive/ROLE/WHO/TERMS: it is there at once for whoever comes later,
 and goes with its process. So each side reads the other's terms off it before the first tick. The
 plant says with a token of its own, alive/pair/WHO, which controller it has; another one is refused.
+That controller says with alive/ready/WHO that it waits for the first sample: the plant, whose clock
+begins with its first tick, begins no sooner.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from hil.wire.terms import Terms
 
 PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
 _PAIR: Final = "pair"
+_READY: Final = "ready"
 _NO_TERMS: Final = "-"
 _MOST_KNOWN: Final = 64
 _LINGER_S: Final = 0.3
@@ -70,6 +73,7 @@ class ZenohNode:
         )
         self._token: zenoh.LivelinessToken | None = None
         self._pair: zenoh.LivelinessToken | None = None
+        self._ready: zenoh.LivelinessToken | None = None
         self._partner = ""
         self._vain_s = 0.0
 
@@ -107,7 +111,7 @@ class ZenohNode:
         elif len(self._there) < _MOST_KNOWN:
             self._there[role, who] = told
             self._judge(role, who, told)
-        self._alive = {role for role, _ in self._there} - {_PAIR}
+        self._alive = {role for role, _ in self._there} - {_PAIR, _READY}
 
     def _judge(self, role: str, who: str, told: str) -> None:
         """Tell a second one of a kind as an event."""
@@ -149,13 +153,23 @@ class ZenohNode:
         if peer not in self._alive:
             return False
         if self.role == "plant":
-            return True
+            return self._is_awaited()
         paired = [who for role, who in self._there if role == _PAIR]
         if self._who in paired:
             return True
         if paired:
             self._wait_in_vain(paired[0])
         return False
+
+    def _is_awaited(self) -> bool:
+        """Whether the controller of this plant waits for it; one without terms does not say so."""
+        is_silent = self._there.get(("controller", self._partner)) == _NO_TERMS
+        return is_silent or (_READY, self._partner) in self._there
+
+    def ready(self) -> None:
+        """Tell the plant, as its controller, that it may begin."""
+        if self.role == "controller" and self._ready is None:
+            self._ready = self._present(f"{_READY}/{self._who}/{_NO_TERMS}")
 
     def _wait_in_vain(self, partner: str) -> None:
         """A plant lets go of a controller that has ended; of one that goes on it does not.
@@ -184,6 +198,8 @@ class ZenohNode:
     def absence(self) -> str:
         """Say who is there in place of the peer, nothing where nobody is."""
         peer = PEER[self.role]
+        if peer in self._alive:
+            return f": the {peer} there does not wait for it yet"
         engine = self._others.get(peer)
         return f": the {peer} there is of engine {engine!r}" if engine else ""
 
@@ -197,7 +213,8 @@ class ZenohNode:
     def close(self) -> None:
         """Leave; a second call does nothing."""
         if not self.session.is_closed():
-            tokens = [t.undeclare for t in (self._token, self._pair) if t is not None]
+            held = (self._token, self._pair, self._ready)
+            tokens = [token.undeclare for token in held if token is not None]
             give_back(*tokens, self._seen.undeclare, self.session.close)
 
 

@@ -43,6 +43,15 @@ def test_those_that_fit_meet(socket_config, name):
 
 
 @pytest.mark.parametrize("name", KINDS)
+def test_a_plant_does_not_begin_before_its_controller_waits_for_it(socket_config, name):
+    config = kind(socket_config, name)
+    with opened("plant", config) as plant, opened("controller", config) as controller:
+        with pytest.raises(LinkError, match="no controller"):
+            plant.link.wait_for_peer(0.3)
+        assert refusals(plant, controller) == {}
+
+
+@pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [

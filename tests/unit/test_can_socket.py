@@ -196,6 +196,9 @@ class Presence:
     def alive(self):
         return set()
 
+    def ready(self):
+        pass
+
     def note(self, *told):
         self.noted.append(told)
 

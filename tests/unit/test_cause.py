@@ -19,10 +19,10 @@ TIMING = np.dtype(
 NOT_MET = [Check("tdc", "within_mm", 0.1, None, met=False, text="TDC: not reached")]
 
 
-def log_of(*ticks):
-    """A log's /timing of (tick, woke, done) in ms, one block a tick."""
+def log_of(*ticks, per_block=1):
+    """A log's /timing of (tick, woke, done) in ms."""
     rows = [(t, t * MS, round(woke * MS), round(done * MS), 0) for t, woke, done in ticks]
-    blocks = [np.array([row], TIMING) for row in rows]
+    blocks = [np.array(rows[n : n + per_block], TIMING) for n in range(0, len(rows), per_block)]
     return SimpleNamespace(blocks=lambda _topic: iter(blocks))
 
 
@@ -44,6 +44,13 @@ def test_a_tick_that_comes_late_is_a_stall_from_when_it_was_due():
 def test_work_is_no_lateness_of_the_tick_that_comes_after_it():
     log = log_of((10, 10.0, 41.0), (41, 41.1, 41.2))
     assert read_stalls(log, "controller", MS) == (Stall("controller", 10, 10 * MS, 31 * MS, True),)
+
+
+def test_a_first_sample_that_waited_is_a_stall_though_the_controllers_time_begins_with_it():
+    ticks = [(n, 0.2 * n, 0.2 * n + 0.1) for n in range(20)]  # it catches up
+    ticks += [(n, n - 17.0, n - 16.9) for n in range(20, 40)]
+    log = log_of(*ticks, per_block=40)
+    assert read_stalls(log, "controller", MS) == (Stall("controller", 0, -17 * MS, 17 * MS, False),)
 
 
 def test_who_was_not_woken_was_held_up_by_the_machine():
