@@ -64,7 +64,8 @@ def root(
 SizeOption = typer.Option(metavar="SIZE", help="Log in files of 256MiB, or of 600s each.")
 RetainOption = typer.Option(metavar="SIZE", help="Keep no more than this of earlier files.")
 CanLogOption = typer.Option(metavar="FILE", help="Also log the frames: .log, .asc or .blf.")
-PanelOption = typer.Option(metavar="PORT", help="Serve the panel beside the run; 0: any port.")
+PanelOption = typer.Option(metavar="[PORT]", help="Serve the panel beside the run.")
+FoxgloveOption = typer.Option(metavar="[PORT]", help="Serve Foxglove and its like beside the run.")
 JunitOption = typer.Option(metavar="FILE", help="Also write a JUnit file of all scenarios.")
 ScenarioArgument = typer.Argument(
     metavar="SCENARIO", help="Names (see `hil scenarios`), paths to .toml files, or FILE::CASE."
@@ -94,6 +95,7 @@ def run(
     log_retain: Annotated[str | None, RetainOption] = None,
     can_log: Annotated[Path | None, CanLogOption] = None,
     panel: Annotated[int | None, PanelOption] = None,
+    foxglove: Annotated[int | None, FoxgloveOption] = None,
     junit: Annotated[Path | None, JunitOption] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
@@ -112,7 +114,7 @@ def run(
         **commands.log_flags(log_segment, log_retain),
     }  # fmt: skip
     changes = commands.overrides(flags, assignments or [])
-    options = commands.RunOptions(out, not no_report, force, can_log, panel)
+    options = commands.RunOptions(out, not no_report, force, can_log, panel, foxglove)
     if suite.is_suite(scenario, junit=junit, as_json=as_json):
         raise typer.Exit(suite.run(scenario, changes, suite.of(options, junit, as_json=as_json)))
     raise typer.Exit(commands.run(scenario[0], changes, options))

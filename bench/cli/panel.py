@@ -1,4 +1,4 @@
-"""`hil panel` and `hil view`: pages in a browser; what is heavy is imported by the command."""
+"""`hil panel`, `hil view`, `hil foxglove`: what is heavy is imported by the command."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from bench.cli.operate import RunOption
 
 PortOption = Annotated[
     int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any that is free.")
@@ -47,7 +49,21 @@ def view(
     raise typer.Exit(work.run(directory, port, browser=not no_browser))
 
 
+def foxglove(
+    *,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any that is free.")
+    ] = 8765,
+    run: RunOption = None,
+) -> None:
+    """Serve a running engine to Foxglove, Lichtblick or PlotJuggler; prints the address."""
+    from bench.live.foxglove import server
+
+    raise typer.Exit(server.run(port, run))
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to `hil`."""
     app.command()(panel)
     app.command()(view)
+    app.command()(foxglove)

@@ -12,7 +12,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from bench.dev import dbc, frame_source, messages_page, record_source, safe_state_page
+from bench.dev import (
+    dbc,
+    foxglove_layout,
+    frame_source,
+    messages_page,
+    record_source,
+    safe_state_page,
+)
 from hil import compiled
 from hil.wire import reference
 
@@ -28,6 +35,7 @@ OUTPUTS: Final[dict[str, Callable[[], str]]] = {
     **frame_source.modules(),
     "hil/wire/fpeg.dbc": dbc.dbc_text,
     "hil/log/packing.py": record_source.text,
+    "docs/foxglove-live-layout.json": foxglove_layout.text,
     "docs/messages.md": messages_page.page,
     "docs/safe-state.md": safe_state_page.page,
     "docs/commands.md": reference.text,

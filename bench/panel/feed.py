@@ -11,15 +11,10 @@ from numpy.typing import NDArray
 
 from bench.panel.memory import Rows
 from drivers.recorder.index import index_messages
-from drivers.recorder.tap import Tap
-from drivers.zenoh.sockets import records_socket
-from hil.config.process import ZenohConfig
-from hil.errors import LinkError
 from hil.log import topics
 from hil.log.chunks import gather, index_entries
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET, Topic
 
-SIDES: Final = ("plant", "controller")
 _TOPICS: Final = {topic.name: topic for topic in topics.ALL}
 _ROWS: Final = {
     topic.name: np.dtype(topic.layout.numpy_spec)
@@ -50,57 +45,6 @@ class Batch(NamedTuple):
     rows: dict[str, Rows]
     words: list[Word]
     frames: int
-
-
-class Feed:
-    """The records of both processes; one that has ended is joined again when it is back."""
-
-    def __init__(self, config: ZenohConfig) -> None:
-        self._config = config
-        self._taps: dict[str, Tap] = {}
-
-    def join(self) -> set[str]:
-        """Join the processes that are there and not joined; returns those that are new."""
-        new = set()
-        for side in SIDES:
-            tap = self._taps.get(side)
-            if tap is not None and tap.ended:
-                self._taps.pop(side).close()
-            if side not in self._taps:
-                try:
-                    self._taps[side] = Tap.join(records_socket(self._config, side))
-                except LinkError:
-                    continue
-                new.add(side)
-        return new
-
-    @property
-    def present(self) -> set[str]:
-        """The processes that are recorded at present."""
-        return {side for side, tap in self._taps.items() if not tap.ended}
-
-    @property
-    def rate_hz(self) -> int:
-        """Ticks a second."""
-        return max((tap.rate_hz for tap in self._taps.values()), default=0)
-
-    @property
-    def lost(self) -> int:
-        """Bytes that this reader was too slow for."""
-        return sum(tap.lost for tap in self._taps.values())
-
-    def take(self) -> Iterator[Batch]:
-        """Yield what has come from each process."""
-        for side, tap in self._taps.items():
-            data = tap.read()
-            if data:
-                yield taken(data, side, tap.topics)
-
-    def close(self) -> None:
-        """Leave both recorders."""
-        for tap in self._taps.values():
-            tap.close()
-        self._taps.clear()
 
 
 def taken(data: bytes, side: str, names: dict[int, str]) -> Batch:

@@ -9,14 +9,14 @@ import socket
 from collections.abc import AsyncIterator, Mapping
 from typing import Any, Final
 
+from bench.live.ports import HOST
 from bench.panel.access import Guard
 from bench.panel.session import Session, Subject, opened
 from bench.panel.steering import is_urgent
 from bench.panel.viewers import Viewer
 from bench.web.page import panel_page
-from hil.errors import ConfigError, MissingExtraError
+from hil.errors import MissingExtraError
 
-HOST: Final = "127.0.0.1"
 _MOST_ASKED: Final = 64 << 10
 """Bytes of a message from a page."""
 
@@ -33,24 +33,6 @@ def check_libraries() -> None:
     for library in _LIBRARIES:
         if find_spec(library) is None:
             raise MissingExtraError(library, "panel", "the panel")
-
-
-def bound(port: int) -> socket.socket:
-    """Return a listening socket; port 0 takes any that is free.
-
-    Raises: ConfigError when it is taken
-    """
-    listener = socket.socket()
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((HOST, port))
-        listener.listen()
-    except OSError as error:
-        listener.close()
-        raise ConfigError(
-            f"--port {port}: {error.strerror}; accepted is one that is free"
-        ) from None
-    return listener
 
 
 def address(listener: socket.socket, token: str) -> str:

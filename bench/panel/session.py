@@ -8,16 +8,19 @@ import sys
 import time
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final, NamedTuple
 
+from bench.live.taps import SIDES, Taps
 from bench.panel import signals, steering, tuning
-from bench.panel.feed import SIDES, Feed, Word
+from bench.panel.feed import Word, taken
 from bench.panel.memory import Memory
 from bench.panel.steering import Steering
 from bench.panel.viewers import Audience, Viewer
 from bench.run.directory import RunFiles
 from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
+from drivers.zenoh.sockets import records_socket
 from hil.config.resolved import Resolved
 from hil.names import parameters
 from hil.names.leaves import Parameter
@@ -45,7 +48,7 @@ class Session:
         self.steering = steers
         self.memory = Memory(subject.scenario.loop.rate_hz)
         self._operator = operator
-        self._feed = Feed(subject.scenario.link.zenoh)
+        self._taps = Taps(partial(records_socket, subject.scenario.link.zenoh))
         self._words: deque[Word] = deque(maxlen=_WORDS)
         self._statuses: dict[str, Mapping[str, Any]] = {}
         self._verdict: dict[str, Any] | None = None
@@ -65,7 +68,7 @@ class Session:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._feed.close()
+        self._taps.close()
         if self._operator is not None:
             await asyncio.to_thread(self._operator.close)
 
@@ -94,7 +97,8 @@ class Session:
 
     async def _follow_records(self) -> None:
         while True:
-            for batch in self._feed.take():
+            for side, tap, data in self._taps.take():
+                batch = taken(data, side, tap.topics)
                 self._notice_beginning(batch.rows)
                 for key, rows in batch.rows.items():
                     self.memory.append(key, rows)
@@ -118,7 +122,7 @@ class Session:
         """Join recorders that appear; hear the parameters when they have changed."""
         heard: object = None
         while True:
-            new = self._feed.join()
+            new = self._taps.join()
             changes = tuple(self._statuses.get(side, {}).get("changes") for side in SIDES)
             if new or (changes != heard and self._statuses):
                 heard = changes
@@ -137,8 +141,8 @@ class Session:
                 bus = self._share_of_bus(self._frames - frames, elapsed_s)
                 since_s, frames = time.monotonic(), self._frames
             self.audience.tell({
-                "k": "status", "present": sorted(self._feed.present), "bus": bus,
-                "lost": self._feed.lost, **self._statuses,
+                "k": "status", "present": sorted(self._taps.present), "bus": bus,
+                "lost": self._taps.lost, **self._statuses,
             })  # fmt: skip
             await asyncio.sleep(_STATUS_S)
 

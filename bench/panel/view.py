@@ -12,6 +12,7 @@ import numpy as np
 
 from bench.judge.figures import read_run
 from bench.judge.summary import read_run_facts, summarise
+from bench.live.ports import bound
 from bench.panel import server
 from bench.panel.access import Guard, new_token
 from bench.panel.signals import Source, columns, thinned
@@ -40,7 +41,7 @@ def run(directory: Path, port: int, *, browser: bool) -> int:
     files = outdir.opened(directory)
     data = read_run(read_resolved(files.scenario), files)
     page = document(data, summarise(data, read_run_facts(files)), files, own("view.js"))
-    listener, token = server.bound(port), new_token()
+    listener, token = bound(port), new_token()
     address = server.address(listener, token)
     print(address, flush=True)
     if browser:

@@ -16,6 +16,7 @@ from bench.api.judgement import conclude, told_of, write_report
 from bench.bus import can_log, commands
 from bench.judge import summary
 from bench.judge.figures import read_run
+from bench.live.beside import beside
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
@@ -38,6 +39,7 @@ class RunOptions(NamedTuple):
     force: bool
     can_log: Path | None = None
     panel: int | None = None
+    foxglove: int | None = None
 
 
 def overrides(flags: dict[str, Any], assignments: list[str]) -> list[tuple[str, Any]]:
@@ -85,7 +87,7 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
         streams.outlive()
-        with _panel_of(scenario, files, options.panel):
+        with _servers_of(scenario, files, options):
             with told_of(files), view_for(scenario, console) as view:
                 ended = execute(scenario, files, view)
             if isinstance(ended.error, ConfigError):
@@ -106,17 +108,22 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
 
 
 @contextmanager
-def _panel_of(scenario: Resolved, files: RunFiles, port: int | None) -> Iterator[None]:
-    """Have a panel beside the run, if there is to be one."""
-    if port is None:
-        yield
-        return
-    from bench.panel.command import beside
-    from bench.panel.server import check_libraries
+def _servers_of(scenario: Resolved, files: RunFiles, options: RunOptions) -> Iterator[None]:
+    """Have a panel and a server for viewers beside the run, if they are to be."""
+    if options.panel is not None:
+        from bench.panel.server import check_libraries
 
-    check_libraries()
-    write_scenario(scenario, files)
-    with beside(files.directory, port):
+        check_libraries()
+    if options.foxglove is not None:
+        from bench.live.foxglove.server import check_library
+
+        check_library()
+    if options.panel is not None or options.foxglove is not None:
+        write_scenario(scenario, files)
+    with (
+        beside(["panel", "--no-browser"], files.directory, options.panel),
+        beside(["foxglove"], files.directory, options.foxglove),
+    ):
         yield
 
 

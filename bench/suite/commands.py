@@ -41,8 +41,10 @@ def of(options: RunOptions, junit: Path | None, *, as_json: bool) -> SuiteOption
 
     Raises: ConfigError for one that is of a single run
     """
-    if options.can_log is not None:
-        raise ConfigError("--can-log: accepted with one scenario only")
+    single = {"can-log": options.can_log, "panel": options.panel, "foxglove": options.foxglove}
+    for name, value in single.items():
+        if value is not None:
+            raise ConfigError(f"--{name}: accepted with one scenario only")
     return SuiteOptions(options.out, options.report, options.force, junit, as_json)
 
 

@@ -15,16 +15,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from bench.live.engines import Engine, engine_of
+from bench.live.ports import HOST, bound
 from bench.live.steer import Operator, set_parameters, values_of
 from bench.live.xcp.addresses import Place
 from bench.live.xcp.daq import EVENTS
 from bench.live.xcp.slave import Slave
 from drivers.recorder.tap import Tap
-from hil.errors import ConfigError, HilError, LinkError
+from hil.errors import HilError, LinkError
 
 _HEAD: Final = struct.Struct("<HH")
 _POLL_S: Final = 0.01
-_HOST: Final = "127.0.0.1"
 _MOST_BYTES: Final = 4096
 
 
@@ -88,10 +88,9 @@ class Server:
         self._send: Callable[[bytes], None] | None = None
         self._count = 0
         self._selector = selectors.DefaultSelector()
-        self._listener = _bound(socket.SOCK_STREAM, port)
-        self._listener.listen(1)
+        self._listener = bound(port)
         self.port: int = self._listener.getsockname()[1]
-        self._datagrams = _bound(socket.SOCK_DGRAM, self.port)
+        self._datagrams = bound(self.port, socket.SOCK_DGRAM)
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
         self._selector.register(self._datagrams, selectors.EVENT_READ, self._datagram)
 
@@ -182,21 +181,6 @@ class Server:
                 each.close()
 
 
-def _bound(kind: socket.SocketKind, port: int) -> socket.socket:
-    """A socket at a port of this machine.
-
-    Raises: ConfigError when that cannot be had
-    """
-    made = socket.socket(socket.AF_INET, kind)
-    try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((_HOST, port))
-    except OSError as error:
-        made.close()
-        raise ConfigError(f"--port {port}: {error.strerror}") from None
-    return made
-
-
 def run(port: int, directory: Path | None) -> int:
     """Serve a running engine to an XCP master.
 
@@ -205,7 +189,7 @@ def run(port: int, directory: Path | None) -> int:
     bench = Bench(engine_of(directory))
     server = Server(bench, port)
     try:
-        print(f"XCP on {_HOST}:{server.port}, TCP and UDP", flush=True)
+        print(f"XCP on {HOST}:{server.port}, TCP and UDP", flush=True)
         server.serve()
     finally:
         server.close()

@@ -1,0 +1,1 @@
+"""A running pair in Foxglove, Lichtblick and PlotJuggler: its records, its parameters."""
