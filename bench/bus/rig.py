@@ -172,6 +172,9 @@ class RigPresence:
         """They fit: this process has made both."""
         return True
 
+    def ready(self) -> None:
+        """Both take turns: nobody begins before the other."""
+
     def note(self, _code: str, _text: str) -> None:
         """Nothing happens around a session that is none."""
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from drivers.blocking import Blocking
 from drivers.can.assembly import HEADS, Assembler, head_place
 from drivers.can.frames import FramePort, Notice, Received, Wanted, ZenohFrames
-from drivers.can.meeting import PATIENCE_NS, Meeting
+from drivers.can.meeting import PATIENCE_NS, Meeting, Presence
 from drivers.can.socket import SocketFrames, open_socket
 from drivers.can.virtual.records import REMOTE
 from drivers.can.virtual.transmitter import Medium
@@ -62,28 +62,6 @@ def open_port(side: Role, config: LinkConfig, *, lockstep: bool) -> FramePort:
     from drivers.can.python import PythonCanFrames  # noqa: PLC0415 - takes 0.1 s and more
 
     return PythonCanFrames(interface, channel, wanted, config.bitrate_bit_s)
-
-
-class Presence(Protocol):
-    """Who this process is, and who else of the bench is there."""
-
-    role: Role
-    lockstep: bool
-
-    def alive(self) -> set[str]:
-        """Return the roles of the processes that take part by now."""
-
-    def is_met(self) -> bool:
-        """Whether the peer takes part, fits, and has no other partner."""
-
-    def ready(self) -> None:
-        """Tell the plant that its controller waits for the first sample."""
-
-    def note(self, code: str, text: str) -> None:
-        """Let the log of this process have an event."""
-
-    def notices(self) -> list[Notice]:
-        """Return (code, text) of what happened around the session since the last time."""
 
 
 class Times(NamedTuple):

@@ -7,10 +7,10 @@ own. Frames that only this side sends, coming from somebody else, are a second o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, Protocol
 
 from drivers.can.assembly import HEADS
-from drivers.can.frames import Received
+from drivers.can.frames import Notice, Received
 from drivers.zenoh.config import Role
 from drivers.zenoh.node import PEER, misfit
 from hil.errors import ConfigError, RefusedError
@@ -20,6 +20,28 @@ from hil.wire.terms import CAN_IDS, Gathered, Terms
 
 PATIENCE_NS: Final = 500_000_000
 """How long the terms of a node that is heard are waited for; a foreign one has none."""
+
+
+class Presence(Protocol):
+    """Who this process is, and who else of the bench is there."""
+
+    role: Role
+    lockstep: bool
+
+    def alive(self) -> set[str]:
+        """Return the roles of the processes that take part by now."""
+
+    def is_met(self) -> bool:
+        """Whether the peer takes part, fits, and has no other partner."""
+
+    def ready(self) -> None:
+        """Tell the plant that its controller waits for the first sample."""
+
+    def note(self, code: str, text: str) -> None:
+        """Let the log of this process have an event."""
+
+    def notices(self) -> list[Notice]:
+        """Return (code, text) of what happened around the session since the last time."""
 
 
 class Meeting:
