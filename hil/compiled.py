@@ -57,12 +57,26 @@ def sources(root: Path) -> list[Path]:
 
 def digests(root: Path) -> dict[str, str]:
     """Return the digest of each file that what is compiled depends on, by its path in `root`."""
-    known = [path for package in _PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    bench = [root / path for path in sources(root) if path.parts[0] == "bench"]
-    return {
-        str(path.relative_to(root)): blake2b(path.read_bytes(), digest_size=10).hexdigest()
-        for path in (*known, *bench, root / "bench/dev/compile.py")
-    }
+    base = str(root)
+    known = [path for package in _PACKAGES for path in _modules_below(base, package)]
+    bench = [str(path) for path in sources(root) if path.parts[0] == "bench"]
+    made_of = {}
+    for path in (*known, *bench, "bench/dev/compile.py"):
+        with open(f"{base}/{path}", "rb") as file:  # noqa: PTH123 - at the start of every command
+            made_of[path] = blake2b(file.read(), digest_size=10).hexdigest()
+    return made_of
+
+
+def _modules_below(base: str, folder: str) -> list[str]:
+    """Paths from `base` of all modules below a folder of it, in a fixed order."""
+    found, inner = [], []
+    with os.scandir(f"{base}/{folder}") as entries:
+        for entry in entries:
+            if entry.name.endswith(".py"):
+                found.append(f"{folder}/{entry.name}")
+            elif entry.is_dir():
+                inner.append(f"{folder}/{entry.name}")
+    return sorted(found) + [path for each in sorted(inner) for path in _modules_below(base, each)]
 
 
 def key_of(root: Path) -> str:

@@ -11,9 +11,9 @@ import typer
 from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, own, panel, studies
 from bench.cli import scenario as scenario_cli
-from bench.cli.ending import run_to_end
 from bench.cli.logs import register as register_logs
 from bench.cli.options import Arguments, Assignments, Force
+from bench.ending import run_to_end
 from hil import compiled
 from hil.config.names import ClockName, LinkName
 from hil.errors import ConfigError

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
-
-from rich.console import Console
 
 from bench.live.engines import engine_of
 from hil.errors import LinkError
@@ -86,9 +85,8 @@ def _table(statuses: Mapping[str, Status]) -> Any:  # noqa: ANN401
     from rich.table import Table
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("", *PROCESSES):
-        there = title in statuses or not title
-        table.add_column(title if there else f"{title}: not there", no_wrap=True)
+    for title in ("", *map(partial(_title, statuses), PROCESSES)):
+        table.add_column(title, no_wrap=True)
     for row in rows(statuses):
         table.add_row(*row)
     return table
@@ -107,8 +105,21 @@ def show(config: Path | None, *, as_json: bool) -> int:
     if as_json:
         print(json.dumps(statuses, indent=1))
     else:
-        Console(highlight=False).print(_table(statuses))
+        _print(statuses)
     return 0
+
+
+def _print(statuses: Mapping[str, Status]) -> None:
+    """Print the table once; to draw one with colours would take longer than to hear the status."""
+    lines = [("", *map(partial(_title, statuses), PROCESSES)), *rows(statuses)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        padded = (cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        print("  ".join(padded).rstrip())
+
+
+def _title(statuses: Mapping[str, Status], process: str) -> str:
+    return process if process in statuses else f"{process}: not there"
 
 
 def watch(config: Path | None, *, as_json: bool) -> int:
@@ -136,6 +147,7 @@ def _watch_lines(operator: Operator, _statuses: dict[str, Status]) -> None:
 
 
 def _watch_table(operator: Operator, statuses: dict[str, Status]) -> None:
+    from rich.console import Console
     from rich.live import Live
 
     with Live(_table(statuses), console=Console(highlight=False), auto_refresh=False) as live:

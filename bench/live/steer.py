@@ -114,8 +114,8 @@ def joined(run: Path | None, sides: Sequence[str]) -> Operator:
     end_s = time.monotonic() + REACHED_S
     while not set(sides) <= operator.alive():
         if time.monotonic() > end_s:
-            operator.close()
             missing = " and no ".join(s for s in sides if s not in operator.alive())
+            operator.close()
             raise LinkError(f"no {missing} takes commands, waited {REACHED_S:g} s")
         time.sleep(_POLL_S)
     return operator

@@ -17,8 +17,7 @@ from drivers.channels import (
     is_stop,
     origin_text,
 )
-from drivers.zenoh.link import is_heard
-from drivers.zenoh.node import ZenohNode, give_back
+from drivers.zenoh.node import ZenohNode, give_back, is_heard
 from hil.errors import LinkError
 from hil.ports import CommandSource, StatusSink
 from hil.wire import answers, commands, status

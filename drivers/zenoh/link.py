@@ -13,19 +13,12 @@ from typing import Final
 import zenoh
 
 from drivers.polling import LockstepPolling, RealTimePolling
-from drivers.zenoh.node import PEER, ZenohNode, give_back
+from drivers.zenoh.node import PEER, ZenohNode, give_back, is_heard
 from hil.errors import LinkError
 from hil.ports import Link
 
 _CAPACITY: Final = 4096  # batches that wait to be taken; beyond it the oldest is lost
 _PEER_POLL_S: Final = 2e-3
-
-
-def is_heard(publisher: zenoh.Publisher) -> bool:
-    """Whether a subscriber is known by now; a put before that would go nowhere."""
-    # The stub declares a bool; the library returns an object with this one field.
-    status: object = publisher.matching_status
-    return bool(getattr(status, "matching", status))
 
 
 class ZenohLink(Link):

@@ -16,15 +16,16 @@ import socket
 import struct
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import zenoh
 
 from drivers.zenoh.config import Role, session_config
 from drivers.zenoh.sockets import ZenohSection, guard, placed
 from hil.errors import ConfigError, LinkError, RefusedError
-from hil.wire import terms as wire
-from hil.wire.terms import Terms
+
+if TYPE_CHECKING:
+    from hil.wire.terms import Terms
 
 PEER: Final[dict[Role, Role]] = {"plant": "controller", "controller": "plant"}
 _PAIR: Final = "pair"
@@ -85,6 +86,8 @@ class ZenohNode:
         """Tell the others that this process takes part; call it when everything is declared."""
         told = _NO_TERMS
         if self._terms is not None:
+            from hil.wire import terms as wire  # noqa: PLC0415 - all messages, which no operator needs
+
             told = wire.encode(self.role, self._terms).hex()
         self._token = self._present(f"{self.role}/{self._who}/{told}")
 
@@ -218,9 +221,17 @@ class ZenohNode:
             give_back(*tokens, self._seen.undeclare, self.session.close)
 
 
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether a subscriber is known by now; a put before that would go nowhere."""
+    # The stub declares a bool; the library returns an object with this one field.
+    status: object = publisher.matching_status
+    return bool(getattr(status, "matching", status))
+
+
 def misfit(role: Role, ours: Terms, theirs: tuple[int, ...]) -> str:
     """Say in one line in what the peer differs, nothing when it fits."""
     from hil.config.terms import known_names  # noqa: PLC0415 - all engines, for a refusal alone
+    from hil.wire import terms as wire  # noqa: PLC0415 - as in `announce`
 
     differing = wire.differences(ours, theirs, known_names())
     return f"{role} and {PEER[role]} do not fit: {'; '.join(differing)}" if differing else ""
@@ -228,6 +239,8 @@ def misfit(role: Role, ours: Terms, theirs: tuple[int, ...]) -> str:
 
 def _values(sender: str, told: str) -> tuple[int, ...]:
     """The values of terms as presence tells them; none of what is no terms."""
+    from hil.wire import terms as wire  # noqa: PLC0415 - as in `announce`
+
     try:
         return wire.decode(sender, bytes.fromhex(told)) or ()
     except ValueError:

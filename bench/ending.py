@@ -11,8 +11,6 @@ import traceback
 from collections.abc import Callable
 from typing import Any, Final
 
-import typer
-
 from bench import streams
 from bench.interrupt import EXIT_CODE, is_interrupt, told
 
@@ -37,12 +35,12 @@ def run_to_end(command: Callable[[], Any]) -> int:
 def _code_of(command: Callable[[], Any]) -> int:
     try:
         code = command()
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
         return told()
     except SystemExit as error:  # of a library, as for a pipe without a reader
         return error.code if isinstance(error.code, int) else FAULT
     except BaseException as error:  # panics of libraries in Rust are no Exception
-        if is_interrupt(error):
+        if is_interrupt(error) or type(error).__name__ == "Abort":  # of the parser
             return told()
         line, code = _told(error)
         streams.say(line or traceback.format_exc().rstrip())
