@@ -25,7 +25,7 @@ class Section(BaseModel):
     live: ClassVar[bool] = False
     unit: ClassVar[str] = "1"
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Tunable(Section):
