@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean
 from hil.wire import quantities
 from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
@@ -204,24 +205,26 @@ def read(table: Mapping[str, object], origin: str) -> OperatorCommand:
     return OperatorCommand(declared.kind, fields, origin)
 
 
-def read_event(table: object) -> TimedCommand:
+def read_event(table: object, others: tuple[str, ...] = ()) -> TimedCommand:
     """Check an entry of a scenario's [events]; only the plant's may leave its time out.
 
+    Parameters: others : kinds of entries that are no commands, to be told with ours
     Raises: ValueError as `read` does
     """
     if not isinstance(table, Mapping):
-        raise ValueError(f"must be a table with a kind: {', '.join(BY_KIND)}")
-    declared = _declared(table)
+        raise ValueError(f"must be a table with a kind: {', '.join((*BY_KIND, *others))}")
+    declared = _declared(table, others)
     at = AT_S._replace(default=0.0 if declared.to == PLANT else None)
     fields = _fields(declared, table, (at, *declared.fields))
     at_s = float(fields.pop(AT_S.name))
     return begun_at(at_s, OperatorCommand(declared.kind, fields))
 
 
-def _declared(table: Mapping[str, object]) -> Declaration:
+def _declared(table: Mapping[str, object], others: tuple[str, ...] = ()) -> Declaration:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in BY_KIND:
-        raise FieldError(f"kind must be one of {', '.join(BY_KIND)}")
+        known = (*BY_KIND, *others)
+        raise FieldError(f"kind must be one of {', '.join(known)}{did_you_mean(kind, known)}")
     return BY_KIND[kind]
 
 
@@ -234,7 +237,8 @@ def _fields(
         if name not in known and name != "kind" and value is not None:
             word = name if name.isascii() and name.isidentifier() else shown(name)
             names = ", ".join(("kind", *known))
-            raise FieldError(f"{word[:_MAX_KEY]}: unknown key; accepted here: {names}")
+            hint = did_you_mean(name, known)
+            raise FieldError(f"{word[:_MAX_KEY]}: unknown key; accepted here: {names}{hint}")
     fields = {name: value for name, field in known.items()
               if (value := value_of(field, table.get(name))) is not None}  # fmt: skip
     if wrong := declared.check(fields):

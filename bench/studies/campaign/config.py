@@ -21,6 +21,7 @@ from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean
 from hil.toml import Tree, read_toml
 
 PACKAGED = compiled.root() / "bench" / "campaigns"
@@ -130,8 +131,11 @@ def read(name: str) -> Campaign:
     if not path.is_file() and (PACKAGED / path.name).is_file():
         path = PACKAGED / path.name
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
-        raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
+        known = sorted(p.stem for p in PACKAGED.glob("*.toml"))
+        raise ConfigError(
+            f"campaign {name!r}: accepted is a path to a .toml file, or: {', '.join(known)}"
+            f"{did_you_mean(name, known)}"
+        )
     campaign = check(Campaign, read_toml(path), str(path))
     for law in campaign.controllers:
         check_name(law, f"{path}: controllers")
