@@ -122,6 +122,11 @@ class Campaign(Section):
     vary: dict[str, Spread] = Field(default_factory=dict)
 
 
+def packaged() -> list[str]:
+    """Return the names of the campaigns that come with the project."""
+    return sorted(path.stem for path in PACKAGED.glob("*.toml"))
+
+
 def read(name: str) -> Campaign:
     """Read a campaign by name or by a path that ends in .toml.
 
@@ -131,7 +136,7 @@ def read(name: str) -> Campaign:
     if not path.is_file() and (PACKAGED / path.name).is_file():
         path = PACKAGED / path.name
     if not path.is_file():
-        known = sorted(p.stem for p in PACKAGED.glob("*.toml"))
+        known = packaged()
         raise ConfigError(
             f"campaign {name!r}: accepted is a path to a .toml file, or: {', '.join(known)}"
             f"{did_you_mean(name, known)}"
