@@ -30,6 +30,11 @@ def did_you_mean(given: object, known: Collection[str]) -> str:
     return f"; did you mean {' or '.join(names)}?" if names else ""
 
 
+def listed(given: object, known: Collection[str]) -> str:
+    """Return the known names for the end of a refusal, and which of them may have been meant."""
+    return f"{', '.join(known) or 'none'}{did_you_mean(given, known)}"
+
+
 def _plain(name: str) -> str:
     """The same for `Load_Decrease` and `load-decrease`."""
     return name.lower().replace("_", "-")

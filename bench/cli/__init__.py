@@ -27,6 +27,22 @@ LinkOption = Annotated[
 BusOption = Annotated[
     str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
 ]
+ModelOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Engine model: {models}, or fmu:FILE.")
+]
+PrototypeOption = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Engine: {prototypes}, or a .toml file of one's own."),
+]
+LawOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Law of the piston motion: {laws}, or a .py file of one's own."
+    ),
+]
+OutOption = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Directory of logs, summary and report.")
+]
 ClockOption = Annotated[
     ClockName | None,
     typer.Option(help="In real time, or as fast as both can."),
@@ -70,23 +86,11 @@ def run(
     link: LinkOption = None,
     bus: BusOption = None,
     clock: ClockOption = None,
-    model: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Engine model: {models}, or fmu:FILE.")
-    ] = None,
-    prototype: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Engine: {prototypes}, or a .toml file of one's own."),
-    ] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Law of the piston motion: {laws}, or a .py file of one's own."
-        ),
-    ] = None,
+    model: ModelOption = None,
+    prototype: PrototypeOption = None,
+    controller: LawOption = None,
     seed: Annotated[int | None, typer.Option(help="Seed of everything random.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Directory of logs, summary and report.")
-    ] = None,
+    out: OutOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     log_segment: Annotated[str | None, SizeOption] = None,

@@ -12,7 +12,7 @@ from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed, table_cases
 from hil.errors import ConfigError
-from hil.nearest import did_you_mean
+from hil.nearest import did_you_mean, listed
 from hil.toml import Tree
 
 _LONGEST_NAME, _MOST_SHOWN = 64, 12
@@ -37,10 +37,8 @@ def find(name: str) -> Path:
         return path
     known = {path.stem: path for path in packaged()}
     if name not in known:
-        accepted = ", ".join(known)
         raise ConfigError(
-            f"scenario {name!r}: accepted is a path to a .toml file, or: {accepted}"
-            f"{did_you_mean(name, known)}"
+            f"scenario {name!r}: accepted is a path to a .toml file, or: {listed(name, known)}"
         )
     return known[name]
 

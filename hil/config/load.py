@@ -11,7 +11,7 @@ from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed
 from hil.errors import ConfigError
 from hil.files import read_regular
-from hil.nearest import did_you_mean
+from hil.nearest import listed
 from hil.toml import Tree, shown
 
 _S = TypeVar("_S", bound=Scenario)
@@ -105,7 +105,6 @@ def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:
     if not name:
         raise ConfigError(f"--set {key}: accepted is {key}.NAME.KEY=value")
     if name not in names:
-        known, hint = ", ".join(names) or "none", did_you_mean(name, names)
         raise ConfigError(
-            f"--set {key}: this scenario has no {table}.{name}; it has: {known}{hint}"
+            f"--set {key}: this scenario has no {table}.{name}; it has: {listed(name, names)}"
         )

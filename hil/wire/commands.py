@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
-from hil.nearest import did_you_mean
+from hil.nearest import listed
 from hil.wire import quantities
 from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
@@ -201,14 +201,12 @@ def read(table: Mapping[str, object], origin: str) -> OperatorCommand:
     Raises: ValueError with a line that says what is wrong and what is accepted
     """
     declared = _declared(table)
-    fields = _fields(declared, table, declared.fields)
-    return OperatorCommand(declared.kind, fields, origin)
+    return OperatorCommand(declared.kind, _fields(declared, table, declared.fields), origin)
 
 
 def read_event(table: object, others: tuple[str, ...] = ()) -> TimedCommand:
     """Check an entry of a scenario's [events]; only the plant's may leave its time out.
 
-    Parameters: others : kinds of entries that are no commands, to be told with ours
     Raises: ValueError as `read` does
     """
     if not isinstance(table, Mapping):
@@ -223,8 +221,7 @@ def read_event(table: object, others: tuple[str, ...] = ()) -> TimedCommand:
 def _declared(table: Mapping[str, object], others: tuple[str, ...] = ()) -> Declaration:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in BY_KIND:
-        known = (*BY_KIND, *others)
-        raise FieldError(f"kind must be one of {', '.join(known)}{did_you_mean(kind, known)}")
+        raise FieldError(f"kind must be one of {listed(kind, (*BY_KIND, *others))}")
     return BY_KIND[kind]
 
 
@@ -236,9 +233,8 @@ def _fields(
     for name, value in table.items():
         if name not in known and name != "kind" and value is not None:
             word = name if name.isascii() and name.isidentifier() else shown(name)
-            names = ", ".join(("kind", *known))
-            hint = did_you_mean(name, known)
-            raise FieldError(f"{word[:_MAX_KEY]}: unknown key; accepted here: {names}{hint}")
+            names = listed(name, ("kind", *known))
+            raise FieldError(f"{word[:_MAX_KEY]}: unknown key; accepted here: {names}")
     fields = {name: value for name, field in known.items()
               if (value := value_of(field, table.get(name))) is not None}  # fmt: skip
     if wrong := declared.check(fields):

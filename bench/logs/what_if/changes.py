@@ -10,7 +10,7 @@ from hil.config.load import with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.names.parameters import parameters
-from hil.nearest import did_you_mean
+from hil.nearest import did_you_mean, listed
 from hil.toml import parse_assignment
 from hil.wire.commands import BY_PARAMETER
 from plant.rig.params import PlantParams
@@ -88,9 +88,8 @@ def _check(key: str, scenario: Resolved) -> None:
     if key.startswith("events."):
         name = key.split(".")[1]
         if name not in scenario.events:
-            known = ", ".join(scenario.events) or "none"
-            hint = did_you_mean(name, scenario.events)
-            raise ConfigError(f"--set {key}: this run has no events.{name}; it has: {known}{hint}")
+            known = listed(name, scenario.events)
+            raise ConfigError(f"--set {key}: this run has no events.{name}; it has: {known}")
 
 
 def _add_command(tree: dict[str, Any], key: str, value: Any, at_s: float) -> None:  # noqa: ANN401

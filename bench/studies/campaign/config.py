@@ -21,7 +21,7 @@ from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
-from hil.nearest import did_you_mean
+from hil.nearest import listed
 from hil.toml import Tree, read_toml
 
 PACKAGED = compiled.root() / "bench" / "campaigns"
@@ -136,10 +136,8 @@ def read(name: str) -> Campaign:
     if not path.is_file() and (PACKAGED / path.name).is_file():
         path = PACKAGED / path.name
     if not path.is_file():
-        known = packaged()
         raise ConfigError(
-            f"campaign {name!r}: accepted is a path to a .toml file, or: {', '.join(known)}"
-            f"{did_you_mean(name, known)}"
+            f"campaign {name!r}: accepted is a path to a .toml file, or: {listed(name, packaged())}"
         )
     campaign = check(Campaign, read_toml(path), str(path))
     for law in campaign.controllers:

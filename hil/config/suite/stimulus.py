@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from hil.config.base import Section
 from hil.config.events import COURSES, Event
 from hil.event_codes import MEANINGS
-from hil.nearest import did_you_mean
+from hil.nearest import did_you_mean, listed
 from hil.toml import Tree
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -144,8 +144,8 @@ class Stimulus(Section):
             if key not in given:
                 raise ValueError(f"{key}: a {self.kind} needs it")
         for key in sorted(given - {*needed, *allowed}):
-            accepted, hint = ", ".join((*needed, *allowed)), did_you_mean(key, (*needed, *allowed))
-            raise ValueError(f"{key}: no key of a {self.kind}; its own are: {accepted}{hint}")
+            accepted = listed(key, (*needed, *allowed))
+            raise ValueError(f"{key}: no key of a {self.kind}; its own are: {accepted}")
         if self.kind == "playback" and self.file is None and self.samples is None:
             raise ValueError("file: a playback needs it")
         return self
