@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+
 
 def printable(text: str) -> str:
     """Return a text that may go to a terminal: what a file put into it steers nothing."""
@@ -28,7 +31,13 @@ class MissingExtraError(ConfigError):
     """An optional library is needed for what was asked and is not installed."""
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
-        super().__init__(f"{purpose} needs {library}: pip install 'fpeg-hil[{extra}]'")
+        super().__init__(f"{purpose} needs {library}: {install_command(extra)}")
+
+
+def install_command(extra: str = "") -> str:
+    """Return what installs the project, or an extra of it, where this interpreter looks for it."""
+    project = f"'fpeg-hil[{extra}]'" if extra else "fpeg-hil"
+    return f"{shlex.quote(sys.executable)} -m pip install {project}"
 
 
 class LogError(HilError):

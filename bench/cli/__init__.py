@@ -12,22 +12,13 @@ from bench.cli import bus as bus_cli
 from bench.cli import engine, fmu, measure, operate, own, panel, studies
 from bench.cli import scenario as scenario_cli
 from bench.cli.logs import register as register_logs
-from bench.cli.options import Arguments, Assignments, Force
+from bench.cli.options import MACHINE, RUNS, Assignments, Commands, Force
 from bench.ending import run_to_end
 from hil import compiled
 from hil.config.names import ClockName, LinkName
 from hil.errors import ConfigError
 
-app = typer.Typer(
-    name="hil",
-    cls=Arguments,
-    help="Hardware-in-the-loop bench for a free-piston engine generator.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+app = Commands("hil", "Hardware-in-the-loop bench for a free-piston engine generator.")
 
 LinkOption = Annotated[
     LinkName | None,
@@ -35,6 +26,22 @@ LinkOption = Annotated[
 ]
 BusOption = Annotated[
     str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
+]
+ModelOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Engine model: {models}, or fmu:FILE.")
+]
+PrototypeOption = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Engine: {prototypes}, or a .toml file of one's own."),
+]
+LawOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Law of the piston motion: {laws}, or a .py file of one's own."
+    ),
+]
+OutOption = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Directory of logs, summary and report.")
 ]
 ClockOption = Annotated[
     ClockName | None,
@@ -72,23 +79,18 @@ ScenarioArgument = typer.Argument(
 )
 
 
-@app.command()
+@app.command(heading=RUNS)
 def run(
     scenario: Annotated[list[str], ScenarioArgument],
     *,
     link: LinkOption = None,
     bus: BusOption = None,
     clock: ClockOption = None,
-    model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
-    prototype: Annotated[
-        str | None, typer.Option(help="Engine: a name, or a .toml file of one's own.")
-    ] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(help="Law of the piston motion: a name, or a .py file of one's own."),
-    ] = None,
+    model: ModelOption = None,
+    prototype: PrototypeOption = None,
+    controller: LawOption = None,
     seed: Annotated[int | None, typer.Option(help="Seed of everything random.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Directory of logs, summary and report.")] = None,
+    out: OutOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a run that --out holds.")] = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     log_segment: Annotated[str | None, SizeOption] = None,
@@ -100,7 +102,9 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
     assignments: Assignments = None,
 ) -> None:
-    """Run scenarios: plant and controller, logs, verdict, report; several, or all cases of a file.
+    """Run scenarios: plant and controller, logs, verdict, report.
+
+    Several, or all cases of a file, are run one after the other and told in one table.
 
     Exit code 0: every expectation met; 1: one was not; 2: bad arguments or configuration;
     3: a fault at run time; 4: no verdict, an order was refused or the machine spoilt the run.
@@ -120,7 +124,7 @@ def run(
     raise typer.Exit(commands.run(scenario[0], changes, options))
 
 
-@app.command()
+@app.command(heading=RUNS)
 def scenarios() -> None:
     """List the scenarios that come with the project."""
     from bench.run import commands
@@ -129,12 +133,17 @@ def scenarios() -> None:
 
 
 ConfigOption = Annotated[
-    Path, typer.Option("--config", help="Scenario: a .toml file, or scenario.json of a run.")
+    Path,
+    typer.Option(
+        "--config", metavar="FILE", help="Scenario: a .toml file, or scenario.json of a run."
+    ),
 ]
-LogOption = Annotated[Path | None, typer.Option("--log", help="MCAP file to write.")]
+LogOption = Annotated[
+    Path | None, typer.Option("--log", metavar="FILE", help="MCAP file to write.")
+]
 
 
-@app.command()
+@app.command(heading=MACHINE)
 def plant(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the plant process alone."""
     from bench.run import commands
@@ -142,7 +151,7 @@ def plant(config: ConfigOption, log: LogOption = None, *, force: Force = False) 
     raise typer.Exit(commands.process("plant", config, log, force=force))
 
 
-@app.command()
+@app.command(heading=MACHINE)
 def controller(config: ConfigOption, log: LogOption = None, *, force: Force = False) -> None:
     """Run the controller process alone."""
     from bench.run import commands
@@ -150,11 +159,14 @@ def controller(config: ConfigOption, log: LogOption = None, *, force: Force = Fa
     raise typer.Exit(commands.process("controller", config, log, force=force))
 
 
-@app.command()
+@app.command(heading=RUNS)
 def report(
-    directory: Annotated[Path, typer.Argument(help="Directory of a finished run.")],
+    directory: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A finished run: its directory, or a file in it.")
+    ],
     picture: Annotated[
-        Path | None, typer.Option(help="Also write the overview alone, as an SVG file.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Also write the overview alone, as an SVG file."),
     ] = None,
     *,
     force: Force = False,
@@ -165,7 +177,7 @@ def report(
     raise typer.Exit(commands.report(directory, picture, force=force))
 
 
-@app.command()
+@app.command(heading=MACHINE)
 def check(
     what: Annotated[
         Literal["machine", "trust", "law"],
@@ -181,10 +193,11 @@ def check(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Say what this machine can do and how to mend what it cannot; or attack what is promised.
+    """Say what this machine can do; or attack what is promised.
 
-    `trust` kills, stops and floods runs and damages logs; `law` tries whether a law of one's own
-    does what the loops rely on. Exit code 1: a promise was not kept.
+    What it cannot do is told with how to mend it. `trust` kills, stops and floods runs and damages
+    logs; `law` tries whether a law of one's own does what the loops rely on. Exit code 1: a promise
+    was not kept.
     """
     if what == "law":
         from bench.own.conformance import run as conform
@@ -203,13 +216,19 @@ def check(
     raise typer.Exit(look_around())
 
 
-@app.command("compile")
+@app.command("compile", heading=MACHINE)
 def compile_modules(
     into: Annotated[
-        Path | None, typer.Option(help="Directory for the result; HIL_COMPILED names it to a run.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Directory for the result; HIL_COMPILED names it to a run."
+        ),
     ] = None,
 ) -> None:
-    """Compile what runs in every tick: the same numbers in less than half the time (needs gcc)."""
+    """Compile what runs in every tick: the same numbers, sooner.
+
+    In less than half the time; needs gcc, and a minute.
+    """
     from bench.dev.compile import run
 
     raise typer.Exit(run(into))

@@ -7,13 +7,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(
-    name="bus",
-    help="List, watch and try out CAN buses.",
-    rich_markup_mode=None,
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+from bench.cli.options import MACHINE, Commands
+
+app = Commands("bus", "List, watch and try out CAN buses.")
 
 BusArgument = Annotated[str, typer.Argument(metavar="INTERFACE:CHANNEL", help="As in zenoh:can0.")]
 
@@ -82,4 +78,4 @@ def cost() -> None:
 
 def register(root: typer.Typer) -> None:
     """Put the commands under `hil bus`."""
-    root.add_typer(app)
+    root.add_typer(app, rich_help_panel=MACHINE)

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from bench.cli.options import Assignments, Force
+from bench.cli.options import STUDIES, Assignments, Commands, Force
 
 if TYPE_CHECKING:
     from bench.web.chart import Chart
     from hil.files import Output
 
-app = typer.Typer(
-    name="engine", help="The detailed engines: tables, studies, precision.", no_args_is_help=True
-)
+app = Commands("engine", "The detailed engines: tables, studies, precision.")
 
 DETAILED = ("F4.8", "F4.9", "T4.3", "A1-T2", "A1-F10")
 """Tables and figures of the thesis that say how its detailed engines run."""
 
 Over = Literal["throttle", "ignition", "load", "motor-force", "fuel"]
-EngineName = Annotated[str, typer.Option("--engine", help="Calibration, as nu-two-stroke.")]
+EngineName = Annotated[
+    str, typer.Option("--engine", metavar="NAME", help="Calibration: {engines}.")
+]
 
 
 @app.command()
@@ -109,7 +109,9 @@ def _draw(out: Output, drawn: Sequence[Chart]) -> None:
 
 @app.command()
 def analyse(
-    engine: Annotated[str, typer.Option("--engine", help="Prototype with two chambers.")] = "nu",
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="NAME", help="Engine: {two_chambers}.")
+    ] = "nu",
     *,
     fuel_mg: Annotated[
         float | None, typer.Option("--fuel-mg", min=0.0, max=100.0, help="Fuel of a stroke.")
@@ -164,7 +166,7 @@ def precision(
 
 @app.command()
 def sensitivities(
-    model: Annotated[str, typer.Option(help="Engine model, or fmu:FILE.")] = "two-stroke",
+    model: Annotated[str, typer.Option(help="Engine model: {models}, or fmu:FILE.")] = "two-stroke",
     *,
     out: Annotated[Path | None, typer.Option(help="Scenario to write (.toml), with them.")] = None,
     force: Force = False,
@@ -178,4 +180,4 @@ def sensitivities(
 
 def register(root: typer.Typer) -> None:
     """Put the commands under `hil engine`."""
-    root.add_typer(app)
+    root.add_typer(app, rich_help_panel=STUDIES)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import typer
 
-from bench.cli.options import Force
+from bench.cli.options import MACHINE, Commands, Force
 
-app = typer.Typer(
-    name="fmu", help="Functional Mock-up Units: export ours, look at others.", no_args_is_help=True
-)
+app = Commands("fmu", "Functional Mock-up Units: export ours, look at others.")
 
 ModelName = Literal[
     "closed-form", "harmonic", "rectangular", "nonlinear", "two-stroke", "four-stroke", "starting"
@@ -23,7 +21,10 @@ Prototype = Literal["nu", "bit"]
 def export(
     out: Annotated[Path, typer.Argument(help="File to write, as engine.fmu.")],
     *,
-    model: Annotated[ModelName, typer.Option(help="Engine model.")] = "harmonic",
+    model: Annotated[
+        ModelName,
+        typer.Option(metavar="NAME", help=f"Engine model: {', '.join(get_args(ModelName))}."),
+    ] = "harmonic",
     prototype: Annotated[
         Prototype | None, typer.Option(help="Engine; nu, but bit for starting.")
     ] = None,
@@ -59,4 +60,4 @@ def check(
 
 def register(root: typer.Typer) -> None:
     """Put the commands under `hil fmu`."""
-    root.add_typer(app)
+    root.add_typer(app, rich_help_panel=MACHINE)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bench.cli.options import Assignments, Force
+from bench.cli.options import LOGS, MACHINE, Assignments, Commands, Force
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
 Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
@@ -30,7 +30,7 @@ def replay(
     ] = None,
     controller: LawOption = None,
 ) -> None:
-    """Feed a recorded run to plant or controller as they are today, and compare what they do.
+    """Feed a log to the loops as they are today, compare what they do.
 
     Exit code 0: identical; 1: not; 2: a file that cannot be used.
     """
@@ -63,7 +63,7 @@ def what_if(
     out: Annotated[Path | None, typer.Option(help="Directory of logs and picture.")] = None,
     controller: LawOption = None,
 ) -> None:
-    """Continue a run from its recorded state with other parameters, and draw both."""
+    """Continue a run from an instant with other parameters; draw both."""
     from bench.logs import commands
 
     raise typer.Exit(
@@ -78,7 +78,7 @@ def info(
         bool, typer.Option("--verify", help="Read everything and check every checksum.")
     ] = False,
 ) -> None:
-    """Tell all about a log: what it holds, of which run, and whether it is whole."""
+    """Tell what a log holds, of which run, and whether it is whole."""
     from bench.logs import commands
 
     raise typer.Exit(commands.info(log, verify=verify))
@@ -96,7 +96,10 @@ def export(
     end: Annotated[float | None, typer.Option("--until", help="Up to this time [s].")] = None,
     force: Force = False,
 ) -> None:
-    """Hand a log to pandas, MATLAB or an ASAM tool; what cannot be decoded is left out and told."""
+    """Write a log as Parquet, CSV or MF4: for pandas, MATLAB, ASAM.
+
+    What cannot be decoded is left out and told.
+    """
     from bench.logs import commands
 
     raise typer.Exit(commands.export(log, to, out, topic or [], start, end, force=force))
@@ -110,7 +113,7 @@ def repair(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Save what can be saved from a damaged log, and prove it by reading it back."""
+    """Save what is whole in a damaged log, proved by reading it back."""
     from bench.logs import commands
 
     raise typer.Exit(commands.repair(log, out, force=force))
@@ -123,14 +126,18 @@ def golden(
         "tests/golden"
     ),
 ) -> None:
-    """Replay the golden runs; with --update record them anew and print what changed."""
+    """Replay the golden runs, or record them anew.
+
+    With --update what changed is printed.
+    """
     from bench.dev import golden as runs
 
     raise typer.Exit(runs.update(directory) if update else runs.check(directory))
 
 
-def register(app: typer.Typer) -> None:
+def register(app: Commands) -> None:
     """Add the commands to `hil`."""
-    for command in (replay, diff, info, export, repair, golden):
-        app.command()(command)
-    app.command("what-if")(what_if)
+    for command in (info, replay, diff, export, repair):
+        app.command(heading=LOGS)(command)
+    app.command("what-if", heading=LOGS)(what_if)
+    app.command(heading=MACHINE)(golden)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bench.cli.options import Force
+from bench.cli.options import MACHINE, Commands, Force
 
 Model = Literal["closed-form", "harmonic", "rectangular", "nonlinear"]
 LinkChoice = Literal["zenoh", "shm"]
@@ -15,16 +15,10 @@ OutOption = Annotated[
     Path | None, typer.Option(help="Directory of latency.json and pictures; none: print only.")
 ]
 ModelOption = Annotated[Model, typer.Option(help="Engine model of the plant.")]
-LawOption = Annotated[str, typer.Option(help="Law of the controller.")]
+LawOption = Annotated[str, typer.Option(metavar="NAME", help="Law: {laws}.")]
 LinkOption = Annotated[LinkChoice, typer.Option(help="How plant and controller are joined.")]
 
-app = typer.Typer(
-    name="bench",
-    help="Measure what this machine can hold.",
-    rich_markup_mode=None,
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+app = Commands("bench", "Measure what this machine can hold.")
 
 
 @app.command()
@@ -124,4 +118,4 @@ def soak(
 
 def register(hil: typer.Typer) -> None:
     """Add the group to `hil`."""
-    hil.add_typer(app)
+    hil.add_typer(app, rich_help_panel=MACHINE)

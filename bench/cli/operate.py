@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.options import Force
+from bench.cli.options import LIVE, RUNS, Commands, Force
 
 RunOption = Annotated[
     Path | None,
@@ -48,7 +48,7 @@ def set_parameters(
     force: Force = False,
     run: RunOption = None,
 ) -> None:
-    """Change parameters of a running engine, all or none, at one tick.
+    """Change parameters of a running engine, all or none at one tick.
 
     Exit code 0: taken, with the tick from which it acts; 1: refused, with the reason.
     """
@@ -66,7 +66,7 @@ def get_parameters(
     as_json: JsonOption = False,
     run: RunOption = None,
 ) -> None:
-    """Print the values in force of parameters of a running engine."""
+    """Print the values that parameters of a running engine have."""
     from bench.live import steer
 
     raise typer.Exit(steer.tell_values(keys or [], run, as_json=as_json))
@@ -99,14 +99,14 @@ def parameters(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the parameters: every key of the configuration with unit, default and range."""
+    """List the keys of the configuration: unit, default, range."""
     from bench.live import names
 
     raise typer.Exit(names.show_parameters(pattern, live=live, as_json=as_json))
 
 
 def signals(pattern: PatternArgument = "", *, as_json: JsonOption = False) -> None:
-    """List the signals: every field of a logged topic with unit and rate."""
+    """List the fields of the logged topics: unit, rate, meaning."""
     from bench.live import names
 
     raise typer.Exit(names.show_signals(pattern, as_json=as_json))
@@ -123,7 +123,10 @@ def xcp(
     force: Force = False,
     run: RunOption = None,
 ) -> None:
-    """Serve a running engine to a calibration tool: an XCP slave on Ethernet, on this machine."""
+    """Serve a running engine to a calibration tool, over XCP.
+
+    A slave on Ethernet, on this machine only.
+    """
     if a2l is not None:
         from bench.live.xcp import a2l as description
         from hil.files import Output
@@ -137,13 +140,12 @@ def xcp(
     raise typer.Exit(server.run(port, run))
 
 
-def register(app: typer.Typer) -> None:
+def register(app: Commands) -> None:
     """Add the commands to `hil`."""
-    app.command()(status)
-    app.command("set")(set_parameters)
-    app.command("get")(get_parameters)
-    app.command()(start)
-    app.command()(stop)
-    app.command()(parameters)
-    app.command()(signals)
-    app.command()(xcp)
+    for command in (status, start, stop):
+        app.command(heading=LIVE)(command)
+    app.command("get", heading=LIVE)(get_parameters)
+    app.command("set", heading=LIVE)(set_parameters)
+    app.command(heading=LIVE)(xcp)
+    app.command(heading=RUNS)(parameters)
+    app.command(heading=RUNS)(signals)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bench.cli.options import Force
+from bench.cli.options import RUNS, Commands, Force
 
 Kind = Literal["law", "engine", "scenario", "suite"]
 
@@ -17,13 +17,13 @@ def new(
     *,
     force: Force = False,
 ) -> None:
-    """Write a file to begin from: a law, an engine, a scenario or a suite of one's own."""
+    """Write a law, engine, scenario or suite to begin from."""
     from bench.own.beginning import write
 
     path = write(kind, name, force=force)
     typer.echo(f"{path}: how to try it stands at its top")
 
 
-def register(app: typer.Typer) -> None:
+def register(app: Commands) -> None:
     """Add the command to `hil`."""
-    app.command()(new)
+    app.command(heading=RUNS)(new)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from bench.cli.operate import RunOption
+from bench.cli.options import LIVE, RUNS, Commands
 
 PortOption = Annotated[
     int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any that is free.")
@@ -31,7 +32,10 @@ def panel(
     port: PortOption = 0,
     no_browser: BrowserOption = False,
 ) -> None:
-    """Watch and steer a running engine in a browser; prints its address with the token."""
+    """Watch and steer a running engine in a browser.
+
+    Prints the page's address, with the token that opens it.
+    """
     from bench.panel import command
 
     raise typer.Exit(command.run(run, port, browser=not no_browser))
@@ -43,7 +47,7 @@ def view(
     port: PortOption = 0,
     no_browser: BrowserOption = False,
 ) -> None:
-    """Look at the report of a run with its logs behind it: a zoom shows every sample."""
+    """Look at a report with its logs: a zoom shows every sample."""
     from bench.panel import view as work
 
     raise typer.Exit(work.run(directory, port, browser=not no_browser))
@@ -56,14 +60,17 @@ def foxglove(
     ] = 8765,
     run: RunOption = None,
 ) -> None:
-    """Serve a running engine to Foxglove, Lichtblick or PlotJuggler; prints the address."""
+    """Serve a running engine to Foxglove, Lichtblick or PlotJuggler.
+
+    Prints the address.
+    """
     from bench.live.foxglove import server
 
     raise typer.Exit(server.run(port, run))
 
 
-def register(app: typer.Typer) -> None:
+def register(app: Commands) -> None:
     """Add the commands to `hil`."""
-    app.command()(panel)
-    app.command()(view)
-    app.command()(foxglove)
+    app.command(heading=LIVE)(panel)
+    app.command(heading=RUNS)(view)
+    app.command(heading=LIVE)(foxglove)

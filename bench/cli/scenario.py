@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.options import Assignments
+from bench.cli.options import RUNS, Assignments, Commands
 
-app = typer.Typer(name="scenario", help="Look into scenarios.", no_args_is_help=True)
+app = Commands("scenario", "Look into scenarios.")
 
 
 @app.command()
@@ -31,4 +31,4 @@ def prove(
 
 def register(root: typer.Typer) -> None:
     """Add the commands to `hil`."""
-    root.add_typer(app)
+    root.add_typer(app, rich_help_panel=RUNS)

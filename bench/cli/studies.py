@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.options import Assignments, Force
+from bench.cli.options import STUDIES, Assignments, Commands, Force
 
 StepArgument = Annotated[str, typer.Argument(help="A scenario with one load step.")]
 LawsOption = Annotated[
     str | None,
-    typer.Option(help="Laws to compare, separated by commas; without it all that control."),
+    typer.Option(
+        metavar="NAMES", help="Laws, separated by commas, of: {laws}; all that control without it."
+    ),
 ]
 Quick = Annotated[
     bool, typer.Option("--quick", help="Every engine at 1 kHz, load steps and noise: a table.")
@@ -28,7 +30,9 @@ def compare(
     scenario: StepArgument = "load-decrease",
     *,
     controllers: LawsOption = None,
-    model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Engine model: {models}.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of table and pictures.")] = None,
     quick: Quick = False,
     everything: Everything = False,
@@ -37,7 +41,10 @@ def compare(
     force: Force = False,
     assignments: Assignments = None,
 ) -> None:
-    """Run several laws on the same load steps, and draw them beside the physical bound."""
+    """Run several laws on the same load steps, beside the bound.
+
+    Writes a table and pictures; the bound is what no law can go below.
+    """
     from bench.studies import compare_command as work
 
     given = assignments or []
@@ -50,7 +57,9 @@ def compare(
 
 
 def tune(
-    law: Annotated[str, typer.Argument(help="Law whose gains are looked for.")],
+    law: Annotated[
+        str, typer.Argument(help="Law whose gains are looked for: {tunable}, or a .py file.")
+    ],
     *,
     search: Annotated[bool, typer.Option("--search", help="Look for better gains.")] = False,
     generations: Annotated[int, typer.Option(min=1, max=1000, help="Of the search.")] = 20,
@@ -62,7 +71,10 @@ def tune(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Judge the gains of a law over load steps and model errors, or look for better ones."""
+    """Judge the gains of a law, or look for better ones.
+
+    Over load steps, and with another engine than is believed.
+    """
     from bench.studies import tune as work
 
     raise typer.Exit(
@@ -73,7 +85,9 @@ def tune(
 def performance_map(
     scenario: Annotated[str, typer.Argument(help="A scenario that begins settled.")] = "steady",
     *,
-    model: Annotated[str | None, typer.Option(help="Engine model of the plant.")] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Engine model: {models}.")
+    ] = None,
     tdc: Annotated[
         str | None,
         typer.Option(metavar="MM,MM", help="Dead centres; without it the set point and 1 mm."),
@@ -84,7 +98,10 @@ def performance_map(
     force: Force = False,
     assignments: Assignments = None,
 ) -> None:
-    """Measure what an engine delivers at which dead centre and load, as a map for target powers."""
+    """Measure what an engine delivers, as a map for target powers.
+
+    At several dead centres and loads.
+    """
     from bench.run.commands import overrides
     from bench.studies import performance as work
 
@@ -93,7 +110,7 @@ def performance_map(
 
 
 def campaign(
-    file: Annotated[str, typer.Argument(help="Campaign: a name or a path to a .toml file.")],
+    file: Annotated[str, typer.Argument(help="Campaign: {campaigns}, or a .toml file.")],
     *,
     out: Annotated[Path | None, typer.Option(help="Directory; an unfinished one goes on.")] = None,
     scheduler: Annotated[
@@ -106,7 +123,7 @@ def campaign(
         typer.Option(metavar="K/N", help="Only what machine K of N has to run."),
     ] = None,
 ) -> None:
-    """Run thousands of seeded variations on all cores or a cluster; resumable."""
+    """Run thousands of seeded variations on all cores; resumable."""
     from bench.studies.campaign import command as work
 
     raise typer.Exit(work.run(file, out, scheduler, workers, runs, shard))
@@ -123,7 +140,7 @@ def atlas(
         bool, typer.Option("--quick", help="A short form of what takes long.")
     ] = False,
 ) -> None:
-    """Make every figure and table of the thesis again, and judge every printed number.
+    """Make the figures of the thesis again, judge its printed numbers.
 
     Writes index.html, a page a chapter and atlas.json. Exit code 1: a deviation has no reason told.
     """
@@ -132,8 +149,8 @@ def atlas(
     raise typer.Exit(work.run(names or [], out, quick=quick))
 
 
-def register(app: typer.Typer) -> None:
+def register(app: Commands) -> None:
     """Add the commands to `hil`."""
     for command in (compare, tune, campaign, atlas):
-        app.command()(command)
-    app.command("map")(performance_map)
+        app.command(heading=STUDIES)(command)
+    app.command("map", heading=STUDIES)(performance_map)

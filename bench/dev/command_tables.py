@@ -11,6 +11,7 @@ import typer
 from typer.models import ArgumentInfo, OptionInfo, ParameterInfo
 
 from bench.cli import app
+from bench.cli.choices import with_choices
 from bench.dev.markdown import number, table
 
 
@@ -74,7 +75,7 @@ def command_sections() -> Iterator[str]:
 def _section(name: str, function: Any, arguments: list[Parameter]) -> str:  # noqa: ANN401
     """Heading, docstring and table of a command."""
     rows = [
-        (f"`{words(p)}`", p.declared.help or "", _accepted(p), _default(p))
+        (f"`{words(p)}`", with_choices(p.declared.help or ""), _accepted(p), _default(p))
         for p in parameters(function)
     ]
     titles = ("option", "meaning", "accepted", "default")

@@ -22,6 +22,7 @@ from bench.fmu.description import Entry, describe_build, describe_model
 from hil.config.plant import DETAILED_MODELS, PlantConfig
 from hil.errors import ConfigError
 from hil.files import Output
+from hil.nearest import listed
 from plant.engines.fast import shared
 from plant.engines.fast.constants import constants_of
 from plant.engines.fmu.archive import library
@@ -62,7 +63,7 @@ def export(out: Path, model: str, prototype: str, version: int, *, force: bool =
     Raises: ConfigError when the model has no export, there is no compiler, or `out` cannot be made
     """
     if model not in MODELS:
-        raise ConfigError(f"--model {model}: accepted for a unit: {', '.join(MODELS)}")
+        raise ConfigError(f"--model {model}: accepted for a unit: {listed(model, MODELS)}")
     file = Output("OUT", out, force)
     file.check(".fmu")
     folder = _folder(version)

@@ -12,6 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
+from hil.errors import install_command
+
 NEEDED = ("numpy", "pydantic", "mcap", "zstandard", "eclipse-zenoh", "python-can", "uvloop")
 DESK = ("matplotlib", "scipy", "control", "cantools")
 OLDEST_PYTHON = (3, 11)
@@ -49,9 +51,8 @@ def packages() -> Finding:
     missing = _not_installed(NEEDED)
     if not missing:
         return Finding("packages", OK, "everything that a run needs")
-    return Finding(
-        "packages", MISSING, f"not installed: {', '.join(missing)}", "pip install fpeg-hil"
-    )
+    text = f"not installed: {', '.join(missing)}"
+    return Finding("packages", MISSING, text, install_command())
 
 
 def desk() -> Finding:
@@ -60,7 +61,7 @@ def desk() -> Finding:
     if not missing:
         return Finding("desk packages", OK, "reports and analysis are possible")
     text = f"no reports or analysis: {', '.join(missing)} not installed"
-    return Finding("desk packages", WORTH_KNOWING, text, "pip install 'fpeg-hil[desk]'")
+    return Finding("desk packages", WORTH_KNOWING, text, install_command("desk"))
 
 
 def _not_installed(names: tuple[str, ...]) -> list[str]:

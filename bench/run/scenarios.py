@@ -12,6 +12,7 @@ from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed, table_cases
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean, listed
 from hil.toml import Tree
 
 _LONGEST_NAME, _MOST_SHOWN = 64, 12
@@ -31,12 +32,14 @@ def find(name: str) -> Path:
     if name.endswith((".toml", ".csv")):
         path = Path(name)
         if not path.is_file():
-            raise ConfigError(f"{name}: no such scenario file")
+            near = [str(other) for other in path.parent.glob(f"*{path.suffix}")]
+            raise ConfigError(f"{name}: no such scenario file{did_you_mean(str(path), near)}")
         return path
     known = {path.stem: path for path in packaged()}
     if name not in known:
-        accepted = ", ".join(known)
-        raise ConfigError(f"scenario {name!r}: accepted is a path to a .toml file, or: {accepted}")
+        raise ConfigError(
+            f"scenario {name!r}: accepted is a path to a .toml file, or: {listed(name, known)}"
+        )
     return known[name]
 
 
@@ -100,7 +103,8 @@ def read_cases(name: str) -> list[Found]:
         return found
     chosen = [one for one in found if one.case.name == wanted]
     if not chosen:
-        raise ConfigError(f"{file}: no case {wanted!r}; accepted: {_named(found)}")
+        hint = did_you_mean(wanted, [one.case.name for one in found])
+        raise ConfigError(f"{file}: no case {wanted!r}; accepted: {_named(found)}{hint}")
     return chosen
 
 

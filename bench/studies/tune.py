@@ -28,6 +28,7 @@ from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.files import Output
+from hil.nearest import did_you_mean
 from hil.toml import read_toml
 
 MODELS = ("harmonic", "rectangular")
@@ -87,6 +88,7 @@ def keys_of(law: str) -> tuple[str, ...]:
     if not law.endswith(SUFFIX):
         raise ConfigError(
             f"tune {law!r}: accepted are {', '.join(TUNABLE)}, or a file ending in .py"
+            f"{did_you_mean(law, TUNABLE)}"
         )
     keys = tuple(f"own.settings.{key}" for key in _own_gains(law))
     if not keys:

@@ -12,6 +12,7 @@ from controller.motion.own import is_own, make_own
 from hil.config.controller import ControllerConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean, listed
 
 
 def make_laws(config: ControllerConfig) -> dict[str, Law[Any]]:
@@ -34,7 +35,7 @@ def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | Non
     """Tell why a law cannot work; an empty string when it can."""
     law = laws.get(name)
     if law is None:
-        return f"law = {name!r}: accepted: {', '.join(laws)}"
+        return f"law = {name!r}: accepted: {listed(name, laws)}"
     if law.needs_map and stroke_map is None:
         return (
             f"controller {name}: no map of a stroke: the preset is no steady state of the kind"
@@ -59,6 +60,7 @@ def check_name(name: str, where: str) -> None:
     if name not in LAWS and not is_own(name):
         raise ConfigError(
             f"{where} = {name!r}: accepted: {', '.join(LAWS)}, or a file ending in .py"
+            f"{did_you_mean(name, LAWS)}"
         )
 
 

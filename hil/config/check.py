@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
 from hil.config.base import Section
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean
 from hil.toml import shown
 from hil.wire.quantities import FieldError
 
 _S = TypeVar("_S", bound=Section)
+
+_QUOTED: Final = re.compile(r"'([^']*)'")
 
 
 def check(section: type[_S], tree: Mapping[str, Any], origin: str) -> _S:
@@ -80,7 +84,8 @@ def _refusal(error: ValidationError, origin: str, checked: type[Section]) -> str
     if isinstance(first.get("ctx", {}).get("error"), FieldError):
         return f"{origin}: {key}.{message}{tail}"
     accepted = _accepted_range(checked, parts)
-    return f"{origin}: {key or 'scenario'}: {message}{told}{accepted}{tail}"
+    hint = did_you_mean(given, _QUOTED.findall(str(first.get("ctx", {}).get("expected", ""))))
+    return f"{origin}: {key or 'scenario'}: {message}{told}{accepted}{tail}{hint}"
 
 
 def _section(checked: type[Section], parts: list[str]) -> dict[str, Any]:
@@ -117,8 +122,20 @@ def _resolve(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
 
 
 def _siblings(checked: type[Section], parts: list[str]) -> str:
-    """Names of the keys that the section accepts."""
-    return ", ".join(_section(checked, parts).get("properties", {})) or "nothing"
+    """Names of the keys that the section accepts, and what may have been meant, elsewhere too."""
+    known = list(_section(checked, parts).get("properties", {}))
+    hint = did_you_mean(parts[-1], known)
+    if not hint:
+        schema = checked.model_json_schema()
+        hint = did_you_mean(".".join(parts), [*_keys(schema, schema.get("$defs", {}))])
+    return f"{', '.join(known) or 'nothing'}{hint}"
+
+
+def _keys(node: dict[str, Any], definitions: dict[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield every key of a section and of the sections in it."""
+    for name, below in node.get("properties", {}).items():
+        yield f"{prefix}{name}"
+        yield from _keys(_resolve(below, definitions), definitions, f"{prefix}{name}.")
 
 
 def _accepted_range(checked: type[Section], parts: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -12,6 +12,9 @@ from hil.wire.commands import Declaration
 from hil.wire.quantities import Field, Name, Number
 
 Schema = dict[str, Any]
+
+COURSES: Final = ("step", "ramp", "sine", "pulse", "noise", "playback")
+"""Kinds of an entry of [events] that are no commands, but stimuli (suite/stimulus.py)."""
 
 
 class _Table:
@@ -32,7 +35,9 @@ class _Table:
 
 
 def _event_of(given: Any) -> commands.TimedCommand:  # noqa: ANN401
-    return given if isinstance(given, commands.TimedCommand) else commands.read_event(given)
+    return (
+        given if isinstance(given, commands.TimedCommand) else commands.read_event(given, COURSES)
+    )
 
 
 def _table_of(event: commands.TimedCommand) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from hil.config.scenario import Scenario
 from hil.config.suite.cases import Case, cases_of, read_composed
 from hil.errors import ConfigError
 from hil.files import read_regular
+from hil.nearest import listed
 from hil.toml import Tree, shown
 
 _S = TypeVar("_S", bound=Scenario)
@@ -104,5 +105,6 @@ def _refuse_new_event(tree: Mapping[str, Any], key: str) -> None:
     if not name:
         raise ConfigError(f"--set {key}: accepted is {key}.NAME.KEY=value")
     if name not in names:
-        known = ", ".join(names) or "none"
-        raise ConfigError(f"--set {key}: this scenario has no {table}.{name}; it has: {known}")
+        raise ConfigError(
+            f"--set {key}: this scenario has no {table}.{name}; it has: {listed(name, names)}"
+        )

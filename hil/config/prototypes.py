@@ -36,6 +36,7 @@ from hil.config.ranges import (
     TemperatureK,
 )
 from hil.errors import ConfigError
+from hil.nearest import listed
 from hil.toml import read_toml
 
 ENGINES = compiled.root() / "hil" / "engines"
@@ -145,7 +146,7 @@ def read_own(path: Path) -> tuple[str, dict[str, Any], dict[str, Any]]:
     tree = dict(read_toml(path))
     like = tree.pop("like", DEFAULT.name)
     if like not in PROTOTYPES:
-        raise ConfigError(f"{path}: like = {like!r}: accepted: {', '.join(PROTOTYPES)}")
+        raise ConfigError(f"{path}: like = {like!r}: accepted: {listed(like, PROTOTYPES)}")
     tables = {key: tree.pop(key) for key in list(tree) if isinstance(tree[key], dict)}
     for model in tables:
         if model not in model_files(like):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from mcap.records import Channel, Schema
 
-from hil.errors import LogError
+from hil.errors import LogError, install_command
 from hil.log.definitions import parse_definition
 from hil.log.records import CDR_LE, Field, Layout
 
@@ -87,7 +87,7 @@ def _through_library(schema: Schema, text: str, fields: tuple[Field, ...]) -> Co
     try:
         from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415  # an extra
     except ImportError:
-        return undecoded("needs mcap-ros2-support: pip install 'fpeg-hil[export]'")
+        return undecoded(f"needs mcap-ros2-support: {install_command('export')}")
     plain = Schema(schema.id, text.encode(), schema.encoding, schema.name)
     try:
         decode = DecoderFactory().decoder_for("cdr", plain)

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from hil.config.base import OneOf, Section
 from hil.errors import ConfigError
+from hil.nearest import did_you_mean
 from hil.wire.quantities import Scalar, shown
 
 Value = Scalar | bool | None
@@ -95,7 +96,8 @@ class Parameter(NamedTuple):
         if not self._fits(value):
             more = f", or {NONE}" if self.optional else ""
             what = f"{self.accepted or f'a {self.kind}'}{more}"
-            raise ConfigError(f"{self.key} = {shown(value)}; accepted: {what}")
+            hint = did_you_mean(value, self.choices)
+            raise ConfigError(f"{self.key} = {shown(value)}; accepted: {what}{hint}")
         return float(value) if self.kind == "number" else value  # type: ignore[return-value, arg-type]
 
     def _fits(self, value: object) -> bool:

@@ -17,6 +17,7 @@ from hil.config.base import Section
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from hil.names.leaves import Parameter, leaves
+from hil.nearest import did_you_mean
 from hil.wire.quantities import shown
 
 _ConfigT = TypeVar("_ConfigT", bound=Section)
@@ -41,7 +42,8 @@ def find(pattern: str = "") -> list[Parameter]:
     """
     found = [p for key, p in parameters().items() if matches(key, pattern)]
     if not found:
-        raise ConfigError(f"{pattern!r} is no parameter, nor part of one (`hil parameters`)")
+        hint = did_you_mean(pattern, parameters())
+        raise ConfigError(f"{pattern!r} is no parameter, nor part of one (`hil parameters`){hint}")
     return found
 
 
@@ -57,9 +59,8 @@ def parameter_of(key: str) -> Parameter:
     """
     found = parameters().get(key)
     if found is None:
-        like = [known for known in parameters() if known.endswith(f".{key.rpartition('.')[2]}")]
-        hint = f"; like it: {', '.join(like[:5])}" if like else " (`hil parameters` lists them)"
-        raise ConfigError(f"{shown(key)} is no parameter{hint}")
+        hint = did_you_mean(key, parameters())
+        raise ConfigError(f"{shown(key)} is no parameter (`hil parameters` lists them){hint}")
     return found
 
 

@@ -14,6 +14,7 @@ from hil.errors import ConfigError
 from hil.log import topics
 from hil.log.records import BOTH_SIDES, SCALARS, Field, Topic, scalar_of
 from hil.names.parameters import matches
+from hil.nearest import did_you_mean
 
 
 class Signal(NamedTuple):
@@ -59,7 +60,8 @@ def find(pattern: str = "") -> list[Signal]:
     """
     found = [signal for name, signal in signals().items() if matches(name, pattern)]
     if not found:
-        raise ConfigError(f"{pattern!r} is no signal, nor part of one (`hil signals`)")
+        hint = did_you_mean(pattern, signals())
+        raise ConfigError(f"{pattern!r} is no signal, nor part of one (`hil signals`){hint}")
     return found
 
 

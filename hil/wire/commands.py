@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil.errors import ConfigError
+from hil.nearest import listed
 from hil.wire import quantities
 from hil.wire.quantities import Choice, Field, FieldError, Name, Number, Scalar, shown, value_of
 
@@ -200,28 +201,27 @@ def read(table: Mapping[str, object], origin: str) -> OperatorCommand:
     Raises: ValueError with a line that says what is wrong and what is accepted
     """
     declared = _declared(table)
-    fields = _fields(declared, table, declared.fields)
-    return OperatorCommand(declared.kind, fields, origin)
+    return OperatorCommand(declared.kind, _fields(declared, table, declared.fields), origin)
 
 
-def read_event(table: object) -> TimedCommand:
+def read_event(table: object, others: tuple[str, ...] = ()) -> TimedCommand:
     """Check an entry of a scenario's [events]; only the plant's may leave its time out.
 
     Raises: ValueError as `read` does
     """
     if not isinstance(table, Mapping):
-        raise ValueError(f"must be a table with a kind: {', '.join(BY_KIND)}")
-    declared = _declared(table)
+        raise ValueError(f"must be a table with a kind: {', '.join((*BY_KIND, *others))}")
+    declared = _declared(table, others)
     at = AT_S._replace(default=0.0 if declared.to == PLANT else None)
     fields = _fields(declared, table, (at, *declared.fields))
     at_s = float(fields.pop(AT_S.name))
     return begun_at(at_s, OperatorCommand(declared.kind, fields))
 
 
-def _declared(table: Mapping[str, object]) -> Declaration:
+def _declared(table: Mapping[str, object], others: tuple[str, ...] = ()) -> Declaration:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in BY_KIND:
-        raise FieldError(f"kind must be one of {', '.join(BY_KIND)}")
+        raise FieldError(f"kind must be one of {listed(kind, (*BY_KIND, *others))}")
     return BY_KIND[kind]
 
 
@@ -233,7 +233,7 @@ def _fields(
     for name, value in table.items():
         if name not in known and name != "kind" and value is not None:
             word = name if name.isascii() and name.isidentifier() else shown(name)
-            names = ", ".join(("kind", *known))
+            names = listed(name, ("kind", *known))
             raise FieldError(f"{word[:_MAX_KEY]}: unknown key; accepted here: {names}")
     fields = {name: value for name, field in known.items()
               if (value := value_of(field, table.get(name))) is not None}  # fmt: skip

@@ -10,6 +10,7 @@ from hil.config.load import with_override
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.names.parameters import parameters
+from hil.nearest import did_you_mean, listed
 from hil.toml import parse_assignment
 from hil.wire.commands import BY_PARAMETER
 from plant.rig.params import PlantParams
@@ -82,11 +83,12 @@ def _check(key: str, scenario: Resolved) -> None:
             f"--set {key}: acts at the start of a run only; while it runs these do: {commands}"
         )
     if not key.startswith(_ACCEPTED):
-        raise ConfigError(f"--set {key}: accepted in a what-if are {', '.join(_ACCEPTED)}")
+        hint = did_you_mean(key, parameters())
+        raise ConfigError(f"--set {key}: accepted in a what-if are {', '.join(_ACCEPTED)}{hint}")
     if key.startswith("events."):
         name = key.split(".")[1]
         if name not in scenario.events:
-            known = ", ".join(scenario.events) or "none"
+            known = listed(name, scenario.events)
             raise ConfigError(f"--set {key}: this run has no events.{name}; it has: {known}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,6 +9,7 @@ from bench.run.directory import opened
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from hil.names.signals import signals
+from hil.nearest import did_you_mean
 
 DEAD_CENTRE: Final = "dead_centre"
 _OF_DEAD_CENTRES: Final = ("tdc_m", "error_m", "fuel_kg", "x_m", "tdc_ref_m")
@@ -37,9 +37,10 @@ def source_of(name: str) -> Source:
         return Source(found.side, found.topic, found.field, found.item)
     known = [*(n for n, s in signals().items() if s.is_number),
              *(f"{DEAD_CENTRE}.{field}" for field in _OF_DEAD_CENTRES)]  # fmt: skip
-    near = ", ".join(get_close_matches(name, known, 5, 0.3))
     why = "no such signal" if found is None else "no number"
-    raise ConfigError(f"signal {name!r}: {why} (`hil signals` lists them); near it: {near}")
+    raise ConfigError(
+        f"signal {name!r}: {why} (`hil signals` lists them){did_you_mean(name, known)}"
+    )
 
 
 def check_expectations(scenario: Scenario) -> None:

@@ -19,6 +19,7 @@ from hil.errors import ConfigError, LogError
 from hil.event_codes import OF_BOTH, OF_THE_CONTROLLER, OF_THE_PLANT
 from hil.files import read_regular
 from hil.names.parameters import parameter_of, value_of
+from hil.nearest import listed
 from hil.stimuli.courses import extremes
 from hil.stimuli.records import MOST_PARAMETERS
 from plant.stimulation import SIGNALS as OF_PLANT
@@ -82,16 +83,17 @@ def _check_parameter(scenario: Resolved, given: Stimulus) -> None:
 def _check_condition(scenario: Resolved, side: str, condition: Condition, key: str) -> None:
     """A side knows its own signals and events only."""
     if condition.signal is not None and condition.signal not in _SIGNALS[side]:
-        known = ", ".join(_SIGNALS[side])
-        raise ConfigError(f"{key}.signal: {condition.signal!r}: accepted here: {known}")
+        known = _SIGNALS[side]
+        told = f"{condition.signal!r}: accepted here: {listed(condition.signal, known)}"
+        raise ConfigError(f"{key}.signal: {told}")
     event = condition.event
     if event is None:
         return
     own = {n for n, e in scenario.events.items() if e.to == side}
     own |= {n for n, s in scenario.stimuli.items() if s.side == side}
     if event not in own and event not in _CODES[side]:
-        accepted = ", ".join((*sorted(own), *_CODES[side]))
-        raise ConfigError(f"{key}.event: {event!r} is none of the {side}'s: {accepted}")
+        named = (*sorted(own), *_CODES[side])
+        raise ConfigError(f"{key}.event: {event!r} is none of the {side}'s: {listed(event, named)}")
 
 
 def _samples(scenario: Scenario, name: str, given: Stimulus) -> Any:  # noqa: ANN401
@@ -124,7 +126,7 @@ def _of_log(path: Path, given: Stimulus) -> tuple[Any, Any]:
         frame = log.array(topic)
         names = [f.name for f in log.topics[topic].fields]
         if field not in names:
-            raise ConfigError(f"{path}: {topic} has no {field}; it has: {', '.join(names)}")
+            raise ConfigError(f"{path}: {topic} has no {field}; it has: {listed(field, names)}")
         times = frame["t_ns"] * 1e-9
         return times, frame[field].astype(float)
 
@@ -139,7 +141,7 @@ def _of_table(path: Path, given: Stimulus) -> tuple[Any, Any]:
     column = given.column or (others[0] if len(others) == 1 else "")
     for name in (times, column):
         if name not in head:
-            raise ConfigError(f"{path}: no column {name!r}; it has: {', '.join(head)}")
+            raise ConfigError(f"{path}: no column {name!r}; it has: {listed(name, head)}")
     at, of = head.index(times), head.index(column)
     try:
         return np.array([float(r[at]) for r in rows]), np.array([float(r[of]) for r in rows])

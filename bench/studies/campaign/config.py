@@ -21,6 +21,7 @@ from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
+from hil.nearest import listed
 from hil.toml import Tree, read_toml
 
 PACKAGED = compiled.root() / "bench" / "campaigns"
@@ -121,6 +122,11 @@ class Campaign(Section):
     vary: dict[str, Spread] = Field(default_factory=dict)
 
 
+def packaged() -> list[str]:
+    """Return the names of the campaigns that come with the project."""
+    return sorted(path.stem for path in PACKAGED.glob("*.toml"))
+
+
 def read(name: str) -> Campaign:
     """Read a campaign by name or by a path that ends in .toml.
 
@@ -130,8 +136,9 @@ def read(name: str) -> Campaign:
     if not path.is_file() and (PACKAGED / path.name).is_file():
         path = PACKAGED / path.name
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in PACKAGED.glob("*.toml")))
-        raise ConfigError(f"campaign {name!r}: accepted is a path to a .toml file, or: {known}")
+        raise ConfigError(
+            f"campaign {name!r}: accepted is a path to a .toml file, or: {listed(name, packaged())}"
+        )
     campaign = check(Campaign, read_toml(path), str(path))
     for law in campaign.controllers:
         check_name(law, f"{path}: controllers")

@@ -14,6 +14,7 @@ from bench.web.chart_plot import plot_of
 from bench.web.page import Page
 from hil.config.prototypes import PROTOTYPES, Prototype
 from hil.errors import ConfigError
+from hil.nearest import listed
 from plant.engines.fast.constants import constants_of
 from plant.engines.fast.state_space import (
     LinearModel,
@@ -48,8 +49,8 @@ def cases(engine: str, fuel_kg: float | None, load_n_s_m: float | None) -> tuple
     """
     found = PROTOTYPES.get(engine)
     if found is None or found.chambers < 2:
-        accepted = ", ".join(name for name, e in PROTOTYPES.items() if e.chambers == 2)
-        raise ConfigError(f"engine {engine!r}: accepted are {accepted}")
+        known = [name for name, e in PROTOTYPES.items() if e.chambers == 2]
+        raise ConfigError(f"engine {engine!r}: accepted are {listed(engine, known)}")
     fuel = found.fixed_fuel_kg if fuel_kg is None else fuel_kg
     load = found.load_coefficient_n_s_m if load_n_s_m is None else load_n_s_m
     fired = f"fired, {1e6 * fuel:.4g} mg at {load:g} N/(m/s)"

@@ -28,6 +28,7 @@ from hil.config.plant import PlantConfig
 from hil.config.prototypes import ENGINES, PROTOTYPES, Prototype, model_files
 from hil.config.ranges import PressurePa
 from hil.errors import ConfigError
+from hil.nearest import listed
 from hil.toml import Tree, read_toml
 
 NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
@@ -221,4 +222,4 @@ def read(name: str) -> Calibration:
     for calibration in (*calibrations().values(), *literature()):
         if calibration.name == name:
             return calibration
-    raise ConfigError(f"engine {name!r}: accepted are {', '.join(names())}")
+    raise ConfigError(f"engine {name!r}: accepted are {listed(name, names())}")

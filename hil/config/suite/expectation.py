@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from difflib import get_close_matches
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from hil.config.base import OneOf, Section
 from hil.event_codes import MEANINGS
+from hil.nearest import did_you_mean, nearest
 from hil.wire.messages import OPERATING_MODES
 
 ModeName = Annotated[str, OneOf((*OPERATING_MODES.values(), "running"))]
@@ -104,10 +104,11 @@ class Expectation(Section):
         """
         for event in self.events:
             if event not in known and event not in MEANINGS:
-                of_logs = ", ".join(get_close_matches(event, MEANINGS, 3, 0.0))
+                of_logs = ", ".join(nearest(event, MEANINGS, 0.0))
                 raise ValueError(
                     f"expect.{name}.event: {event!r} is no event; known: "
                     f"{', '.join(known) or 'none'}; of the logs for instance: {of_logs}"
+                    f"{did_you_mean(event, (*known, *MEANINGS))}"
                 )
 
     @model_validator(mode="after")

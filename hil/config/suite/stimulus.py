@@ -8,17 +8,15 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, model_validator
 
 from hil.config.base import Section
-from hil.config.events import Event
+from hil.config.events import COURSES, Event
 from hil.event_codes import MEANINGS
+from hil.nearest import did_you_mean, listed
 from hil.toml import Tree
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 Duration = Annotated[float, Field(gt=0.0, le=1e6)]
 Number = Annotated[float, Field(ge=-1e15, le=1e15)]
 Kind = Literal["step", "ramp", "sine", "pulse", "noise", "playback", "command"]
-
-COURSES: Final = ("step", "ramp", "sine", "pulse", "noise", "playback")
-"""Kinds of an event that are no commands."""
 
 MOST_SAMPLES: Final = 200_000
 
@@ -146,7 +144,7 @@ class Stimulus(Section):
             if key not in given:
                 raise ValueError(f"{key}: a {self.kind} needs it")
         for key in sorted(given - {*needed, *allowed}):
-            accepted = ", ".join((*needed, *allowed))
+            accepted = listed(key, (*needed, *allowed))
             raise ValueError(f"{key}: no key of a {self.kind}; its own are: {accepted}")
         if self.kind == "playback" and self.file is None and self.samples is None:
             raise ValueError("file: a playback needs it")
@@ -202,5 +200,7 @@ def check_events(stimuli: Mapping[str, Stimulus], events: Mapping[str, Any]) -> 
         for key, condition in stimulus.conditions.items():
             event = condition.event
             if event is not None and event not in known and event not in MEANINGS:
-                accepted = ", ".join(known)
-                raise ValueError(f"events.{name}.{key}: {event!r} is no event; known: {accepted}")
+                hint = did_you_mean(event, (*known, *MEANINGS))
+                raise ValueError(
+                    f"events.{name}.{key}: {event!r} is no event; known: {', '.join(known)}{hint}"
+                )
