@@ -25,8 +25,6 @@ _WORST_SHARE: Final = 9.0
 _TRUST: Final = 100.0
 _SAME_SPEED: Final = 0.02
 """Of the mid-stroke speed in the steady state: a map that is further off is a poor one."""
-_DOUBTFUL: Final = 2.0
-"""A load told from one speed is noisier than a measured one: so much more is a change."""
 
 
 @final
@@ -192,7 +190,7 @@ def _lessons(
     if state.end_m > 0.0 and state.calm >= _CALM:
         offset_m += part * config.gain * (tdc_m - state.end_m)
         offset_m = min(max(offset_m, -config.offset_m), config.offset_m)
-    if news > _DOUBTFUL * config.load_change:
+    if news > config.load_change:
         return state.share, state.offset_before_m, 0
     share = _balanced(config, state.share, fired, part * excess) if calm >= _CALM else state.share
     return share, offset_m, calm
