@@ -14,7 +14,8 @@ from mypy_extensions import i64
 
 from controller.motion.law import View
 from controller.motion.maps.stroke_map import StrokeMap
-from hil.config.motion.laws import LearningConfig
+from controller.motion.quiet import NOTHING_SEEN, Noise, Quiet
+from hil.config.motion.laws import LearningConfig, QuietConfig
 from hil.values import Value, replace
 
 _STEP: Final = 0.01
@@ -22,9 +23,10 @@ _STEP: Final = 0.01
 
 @final
 class Learning:
-    """Section `learning` of the configuration, read once for all ticks."""
+    """Sections `learning` and `quiet` of the configuration, read once for all ticks."""
 
-    def __init__(self, config: LearningConfig) -> None:
+    def __init__(self, config: LearningConfig, quiet: QuietConfig) -> None:
+        self.quiet = Quiet(quiet)
         self.gain = config.gain
         self.inertia_gain = config.inertia_gain
         self.most = config.most
@@ -41,18 +43,21 @@ class Charge(Value):
 
     mass_kg: the inertia learnt, 0 before the first stroke
     ahead_m: error of the dead centre that is predicted at mid-stroke
+    noise: what of the errors is noise; lessons: part of the gains with which they teach
     """
 
-    __slots__ = ("share", "known", "mass_kg", "ahead_m")
+    __slots__ = ("share", "known", "mass_kg", "ahead_m", "noise", "lessons")
 
     def __init__(
         self, share: tuple[float, float] = (1.0, 1.0), known: bool = True, mass_kg: float = 0.0,
-        ahead_m: float = 0.0,
+        ahead_m: float = 0.0, noise: Noise = NOTHING_SEEN, lessons: float = 1.0,
     ) -> None:  # fmt: skip
         self.share = share
         self.known = known
         self.mass_kg = mass_kg
         self.ahead_m = ahead_m
+        self.noise = noise
+        self.lessons = lessons
 
     def effective_kg(self, view: View, side: i64) -> float:
         """Effective fuel of the last combustion at a head [kg]."""
@@ -125,16 +130,19 @@ def learn(config: Learning, charge: Charge, view: View, forecast: Forecast, c: f
     usable = forecast.slope_m_kg > 0.0 and fuel_kg > 0.0
     if not usable or abs(c - forecast.load_n_s_m) > config.load_change * c:
         return charge
-    wrong = (motion.tdc_m - forecast.end_m) / (forecast.slope_m_kg * fuel_kg)
-    moved = charge.share_of(side) + config.gain * _within(wrong, config.most)
+    wrong_m = motion.tdc_m - forecast.end_m
+    noise = charge.noise.after(config.quiet, wrong_m, side)
+    lessons = noise.share(config.quiet)
+    wrong = wrong_m / (forecast.slope_m_kg * fuel_kg)
+    moved = charge.share_of(side) + lessons * config.gain * _within(wrong, config.most)
     moved = min(max(moved, config.share_min), config.share_max)
     share = (moved, charge.share[1]) if side == 0 else (charge.share[0], moved)
     longer = float(motion.dc_t_ns - forecast.begun_ns) * 1e-9 / forecast.duration_s - 1.0
     believed = view.believed.m
     m = charge.mass_kg or believed
-    m *= 1.0 + 2.0 * config.inertia_gain * _within(longer, config.most)
+    m *= 1.0 + 2.0 * lessons * config.inertia_gain * _within(longer, config.most)
     m = min(max(m, config.share_min * believed), config.share_max * believed)
-    return Charge(share, charge.known, m, charge.ahead_m)
+    return Charge(share, charge.known, m, charge.ahead_m, noise, lessons)
 
 
 def _within(value: float, most: float) -> float:
@@ -143,7 +151,7 @@ def _within(value: float, most: float) -> float:
 
 def look_back(config: Learning, charge: Charge, wrong_m: float) -> Charge:
     """Take up the error of the dead centre that was predicted from mid-stroke."""
-    ahead_m = _within(charge.ahead_m + config.gain * wrong_m, config.offset_m)
+    ahead_m = _within(charge.ahead_m + charge.lessons * config.gain * wrong_m, config.offset_m)
     return replace(charge, ahead_m=ahead_m)
 
 

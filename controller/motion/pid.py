@@ -40,17 +40,20 @@ class Loop(Value):
         self.e = e
 
 
-def pid_step(gains: Gains, loop: Loop, e: float, low: float, high: float) -> tuple[Loop, Terms]:
+def pid_step(
+    gains: Gains, loop: Loop, e: float, low: float, high: float, share: float = 1.0
+) -> tuple[Loop, Terms]:
     """Apply u = sat(kp e + I + kd (e - e_before)), then I += ki e.
 
     The integral stays while u is saturated and e would push it further out.
 
-    Parameters: low, high : limits of u relative to the operating point
+    Parameters: low, high : limits of u relative to the operating point; share : of the gains
     Returns: the loop after this stroke, and the terms of this one
     """
-    p, d = gains.kp * e, gains.kd * (e - loop.e)
+    kp, ki, kd = share * gains.kp, share * gains.ki, share * gains.kd
+    p, d = kp * e, kd * (e - loop.e)
     wanted = p + loop.integral + d
     u = min(max(wanted, low), high)
-    held = (wanted - u) * gains.ki * e > 0.0
-    moved = loop.integral if held else loop.integral + gains.ki * e
+    held = (wanted - u) * ki * e > 0.0
+    moved = loop.integral if held else loop.integral + ki * e
     return Loop(moved, e), Terms(u, p, loop.integral, d)

@@ -17,6 +17,7 @@ from hil.config.motion.laws import (
     OwnLawConfig,
     PdfConfig,
     PredictiveConfig,
+    QuietConfig,
 )
 from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
@@ -176,6 +177,7 @@ class ControllerConfig(Section):
 
     own: OwnLawConfig = OwnLawConfig()
     learning: LearningConfig = LearningConfig()
+    quiet: QuietConfig = QuietConfig()
     load_estimate: LoadEstimateConfig = LoadEstimateConfig()
     start: StartConfig = StartConfig()
     supervisory: SupervisoryConfig = SupervisoryConfig()

@@ -17,6 +17,8 @@ from controller.motion.balance import EVEN, Balance
 from controller.motion.law import Demand, Law, View
 from controller.motion.ordered import Ordered
 from controller.motion.pid import Loop, pid_step
+from controller.motion.quiet import NOTHING_SEEN, Noise, Quiet
+from hil.config.controller import ControllerConfig
 from hil.values import Value
 
 _AT_REST: Final = Loop()
@@ -27,16 +29,17 @@ _NEVER: Final = Ordered()
 class CascadeState(Value):
     """Both loops, at rest at the operating point; orders under way; balance of the cylinders."""
 
-    __slots__ = ("outer", "inner", "ordered", "balance")
+    __slots__ = ("outer", "inner", "ordered", "balance", "noise")
 
     def __init__(
         self, outer: Loop = _AT_REST, inner: Loop = _AT_REST, ordered: Ordered = _NEVER,
-        balance: Balance = EVEN,
+        balance: Balance = EVEN, noise: Noise = NOTHING_SEEN,
     ) -> None:  # fmt: skip
         self.outer = outer
         self.inner = inner
         self.ordered = ordered
         self.balance = balance
+        self.noise = noise
 
 
 @final
@@ -48,6 +51,10 @@ class Cascade(Law[CascadeState]):
         "cascade.outer.kp", "cascade.outer.ki", "cascade.inner.kp", "cascade.inner.ki",
     )  # fmt: skip
 
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.quiet = Quiet(config.quiet)
+
     def initial(self) -> CascadeState:
         """The operating point."""
         return CascadeState()
@@ -57,16 +64,26 @@ class Cascade(Law[CascadeState]):
         point, motion, gains, ref_m = view.point, view.motion, self.config.cascade, view.tdc_ref_m
         v_max = gains.v_correction_max_m_s
         e_m = state.ordered.for_dead_centre(ref_m) - motion.tdc_m
-        outer, v = pid_step(gains.outer, state.outer, e_m, -v_max, v_max)
-        v_ref = point.v_mid_m_s * (state.ordered.for_mid_stroke(ref_m) / ref_m) + v.u
+        v_0 = point.v_mid_m_s * (state.ordered.for_mid_stroke(ref_m) / ref_m)
+        next_m = (
+            point.gain_scale
+            * (v_0 + state.outer.integral - motion.v_mid_m_s)
+            * ref_m
+            / point.v_mid_m_s
+        )
+        noise = state.noise.after(self.quiet, e_m, motion.side, next_m)
+        share = noise.share(self.quiet)
+        outer, v = pid_step(gains.outer, state.outer, e_m, -v_max, v_max, share)
+        v_ref = v_0 + v.u
         inner, fuel = pid_step(
             gains.inner, state.inner, point.gain_scale * (v_ref - motion.v_mid_m_s),
             view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
+            share,
         )  # fmt: skip
         even = balance.learnt(self.config.learning, state.balance, view, e_m)
         fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
         demand = Demand(fuel_kg, v_ref, v.pd, v.i, fuel.pd, fuel.i)
-        return CascadeState(outer, inner, state.ordered.and_now(ref_m), even), demand
+        return CascadeState(outer, inner, state.ordered.and_now(ref_m), even, noise), demand
 
     def taken_over(self, view: View) -> CascadeState:
         """The integrals with which the loops ask for the speed and the fuel that are there."""
@@ -80,4 +97,6 @@ class Cascade(Law[CascadeState]):
 
     def restarted(self, state: CascadeState) -> CascadeState:
         """The loops and the balance are kept; no order is under way."""
-        return CascadeState(state.outer, state.inner, _NEVER, state.balance.forgetting())
+        return CascadeState(
+            state.outer, state.inner, _NEVER, state.balance.forgetting(), state.noise
+        )

@@ -58,7 +58,7 @@ class MachineLaw(Law[MachineState]):
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
-        self.learning = Learning(config.learning)
+        self.learning = Learning(config.learning, config.quiet)
         self.estimation = LoadEstimation(config.load_estimate)
         self.gain, self.least, self.most = (
             config.machine.gain, config.machine.least, config.machine.most,

@@ -129,7 +129,7 @@ class Observer(Law[ObserverState]):
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
-        self.learning = Learning(config.learning)
+        self.learning = Learning(config.learning, config.quiet)
         self.filter = Filter(config.observer)
         self.retrim = config.load_estimate.retrim
 

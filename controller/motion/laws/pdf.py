@@ -69,7 +69,7 @@ class Pdf(Law[PdfState]):
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
-        self.learning = Learning(config.learning)
+        self.learning = Learning(config.learning, config.quiet)
         self.estimation = LoadEstimation(config.load_estimate)
         self.measures = config.pdf.load_from == "power"
 

@@ -13,6 +13,7 @@ from mypy_extensions import i64
 
 from controller.motion.charge import Learning, is_near, shares_of
 from controller.motion.law import Demand, Law, View
+from controller.motion.quiet import NOTHING_SEEN, Noise, Quiet
 from hil.config.controller import ControllerConfig
 from hil.config.motion.laws import PredictiveConfig
 from hil.values import Value, replace
@@ -24,8 +25,6 @@ _WORST_SHARE: Final = 9.0
 _TRUST: Final = 100.0
 _SAME_SPEED: Final = 0.02
 """Of the mid-stroke speed in the steady state: a map that is further off is a poor one."""
-_DOUBTFUL: Final = 2.0
-"""A load told from one speed is noisier than a measured one: so much more is a change."""
 
 
 @final
@@ -58,12 +57,14 @@ class PredictiveState(Value):
     calm: strokes since the load was seen to change; none of the first few teaches anything
     """
 
-    __slots__ = ("load", "share", "offset_m", "offset_before_m", "end_m", "calm", "known")
+    __slots__ = (
+        "load", "share", "offset_m", "offset_before_m", "end_m", "calm", "known", "noise",
+    )  # fmt: skip
 
     def __init__(
         self, load: InferredLoad = NONE_YET, share: tuple[float, float] = (1.0, 1.0),
         offset_m: float = 0.0, offset_before_m: float = 0.0, end_m: float = 0.0,
-        calm: i64 = _CALM, known: bool = True,
+        calm: i64 = _CALM, known: bool = True, noise: Noise = NOTHING_SEEN,
     ) -> None:  # fmt: skip
         self.load = load
         self.share = share
@@ -72,6 +73,7 @@ class PredictiveState(Value):
         self.end_m = end_m
         self.calm = calm
         self.known = known
+        self.noise = noise
 
 
 @final
@@ -86,7 +88,8 @@ class Predictive(Law[PredictiveState]):
 
     def __init__(self, config: ControllerConfig) -> None:
         super().__init__(config)
-        self.learning = Learning(config.learning)
+        self.quiet = Quiet(config.quiet)
+        self.learning = Learning(config.learning, config.quiet)
 
     def initial(self) -> PredictiveState:
         """No load inferred yet."""
@@ -99,9 +102,11 @@ class Predictive(Law[PredictiveState]):
             state = _aligned(self.learning, state, view)
         q = max(_at(state.share, 1 - ahead) * view.burnt_at(1 - ahead), 1e-9)
         v_mid = motion.v_mid_m_s / believed.speed
-        load, excess, news = _inferred(self.config.predictive, state.load, view, q, v_mid)
+        noise = state.noise.after(self.quiet, motion.tdc_m - view.tdc_ref_m, motion.side)
+        part = noise.share(self.quiet)
+        load, excess, news = _inferred(self.config.predictive, state.load, view, q, v_mid, part)
         share, offset_m, calm = _lessons(
-            self.learning, state, motion.tdc_m, 1 - ahead, excess, news
+            self.learning, state, motion.tdc_m, 1 - ahead, excess, news, part
         )
         _, tau = believed.pass_mid(q, load.c, motion.tdc_m)
         end_m = believed.travel(q, load.c, 0.0, v_mid, tau)[0] + offset_m
@@ -112,7 +117,9 @@ class Predictive(Law[PredictiveState]):
             fuel_kg, view.point.v_mid_m_s, inner_p_kg=fuel_kg - view.point.fuel_kg,
             inner_i_kg=asked - wanted,
         )  # fmt: skip
-        return PredictiveState(load, share, offset_m, state.offset_m, end_m, calm), demand
+        return PredictiveState(
+            load, share, offset_m, state.offset_m, end_m, calm, True, noise
+        ), demand
 
     def taken_over(self, view: View) -> PredictiveState:
         """The shares are still to be aligned with the fuel in force."""
@@ -128,7 +135,12 @@ def _at(share: tuple[float, float], side: i64) -> float:
 
 
 def _inferred(
-    config: PredictiveConfig, before: InferredLoad, view: View, q: float, v_mid: float
+    config: PredictiveConfig,
+    before: InferredLoad,
+    view: View,
+    q: float,
+    v_mid: float,
+    part: float,
 ) -> tuple[InferredLoad, float, float]:
     """The load behind a mid-stroke speed; by how much it exceeds, and what of that is news."""
     believed, commanded = view.believed, view.load_n_s_m
@@ -139,17 +151,23 @@ def _inferred(
     again = seen / before.seen[1] - 1.0 if before.seen[1] > 0.0 else excess
     news = min(abs(excess), abs(again))
     trust = 1.0 if abs(believed.speed - 1.0) < _SAME_SPEED else config.poor_map_trust
-    return _filtered(config, before, seen, trust * excess, trust * news), excess, news
+    return _filtered(config, before, seen, trust * excess, trust * news, part), excess, news
 
 
 def _filtered(
-    config: PredictiveConfig, before: InferredLoad, seen: float, excess: float, news: float
+    config: PredictiveConfig,
+    before: InferredLoad,
+    seen: float,
+    excess: float,
+    news: float,
+    part: float,
 ) -> InferredLoad:
     """The load, its variance and the noise of an inference: a Kalman filter, noise learnt.
 
     What the noise cannot explain is a change of the load, and is taken at once.
     """
-    variance = before.variance + config.drift * config.drift
+    drift = part * config.drift
+    variance = before.variance + drift * drift
     square = news * news
     s = variance + before.noise
     if square > config.gate * config.gate * s:
@@ -165,16 +183,16 @@ def _filtered(
 
 def _lessons(
     config: Learning, state: PredictiveState, tdc_m: float, fired: i64, excess: float,
-    news: float,
+    news: float, part: float,
 ) -> tuple[tuple[float, float], float, i64]:  # fmt: skip
     """Shares, error of the map and calm after this stroke; a change of the load undoes lessons."""
     offset_m, calm = state.offset_m, min(state.calm + 1, _CALM)
     if state.end_m > 0.0 and state.calm >= _CALM:
-        offset_m += config.gain * (tdc_m - state.end_m)
+        offset_m += part * config.gain * (tdc_m - state.end_m)
         offset_m = min(max(offset_m, -config.offset_m), config.offset_m)
-    if news > _DOUBTFUL * config.load_change:
+    if news > config.load_change:
         return state.share, state.offset_before_m, 0
-    share = _balanced(config, state.share, fired, excess) if calm >= _CALM else state.share
+    share = _balanced(config, state.share, fired, part * excess) if calm >= _CALM else state.share
     return share, offset_m, calm
 
 

@@ -16,6 +16,8 @@ from controller.motion.balance import EVEN, Balance
 from controller.motion.law import Demand, Law, View
 from controller.motion.ordered import Ordered
 from controller.motion.pid import Loop, pid_step
+from controller.motion.quiet import NOTHING_SEEN, Noise, Quiet
+from hil.config.controller import ControllerConfig
 from hil.values import Value
 
 _AT_REST: Final = Loop()
@@ -26,14 +28,19 @@ _NEVER: Final = Ordered()
 class SingleLoopState(Value):
     """The loop, at rest at the operating point; orders under way; balance of the cylinders."""
 
-    __slots__ = ("loop", "ordered", "balance")
+    __slots__ = ("loop", "ordered", "balance", "noise")
 
     def __init__(
-        self, loop: Loop = _AT_REST, ordered: Ordered = _NEVER, balance: Balance = EVEN
+        self,
+        loop: Loop = _AT_REST,
+        ordered: Ordered = _NEVER,
+        balance: Balance = EVEN,
+        noise: Noise = NOTHING_SEEN,
     ) -> None:
         self.loop = loop
         self.ordered = ordered
         self.balance = balance
+        self.noise = noise
 
 
 @final
@@ -45,6 +52,10 @@ class SingleLoop(Law[SingleLoopState]):
         "single_loop.tdc.kp", "single_loop.tdc.ki", "single_loop.tdc.kd",
     )  # fmt: skip
 
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.quiet = Quiet(config.quiet)
+
     def initial(self) -> SingleLoopState:
         """The operating point."""
         return SingleLoopState()
@@ -53,14 +64,16 @@ class SingleLoop(Law[SingleLoopState]):
         """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
         point, motion = view.point, view.motion
         e_m = state.ordered.for_dead_centre(view.tdc_ref_m) - motion.tdc_m
+        noise = state.noise.after(self.quiet, e_m, motion.side)
         loop, fuel = pid_step(
             self.config.single_loop.tdc, state.loop, point.gain_scale * e_m,
             view.fuel_min_kg - point.fuel_kg, view.fuel_max_kg - point.fuel_kg,
+            noise.share(self.quiet),
         )  # fmt: skip
         even = balance.learnt(self.config.learning, state.balance, view, e_m)
         fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
         demand = Demand(fuel_kg, inner_p_kg=fuel.pd, inner_i_kg=fuel.i)
-        return SingleLoopState(loop, state.ordered.and_now(view.tdc_ref_m), even), demand
+        return SingleLoopState(loop, state.ordered.and_now(view.tdc_ref_m), even, noise), demand
 
     def taken_over(self, view: View) -> SingleLoopState:
         """The integral with which the loop asks for the fuel that is there."""
@@ -71,4 +84,4 @@ class SingleLoop(Law[SingleLoopState]):
 
     def restarted(self, state: SingleLoopState) -> SingleLoopState:
         """Loop and balance are kept; no order is under way."""
-        return SingleLoopState(state.loop, _NEVER, state.balance.forgetting())
+        return SingleLoopState(state.loop, _NEVER, state.balance.forgetting(), state.noise)

@@ -30,6 +30,25 @@ class LearningConfig(Tunable):
     offset_m: float = Field(default=2.0e-3, ge=0.0, le=0.01)
 
 
+class QuietConfig(Tunable):
+    """What the laws leave of their gains while dead centres scatter by combustion noise alone.
+
+    share: of the gains
+    least_m: scatter of the dead centres from which there is anything to be quiet about
+    gate: an error of so many times the scatter is a change
+    mean_gain: part by which the mean of one side's errors moves; beyond `gate` times its own
+        scatter it is a change as well
+    strokes: for which a change brings back all of the gains
+    """
+
+    enabled: bool = True
+    share: float = Field(default=0.1, ge=0.0, le=1.0)
+    least_m: float = Field(default=8.0e-5, gt=0.0, le=0.01)
+    gate: float = Field(default=4.0, gt=0.0, le=100.0)
+    mean_gain: float = Field(default=0.2, gt=0.0, le=1.0)
+    strokes: int = Field(default=12, ge=1, le=1000)
+
+
 class LoadEstimateConfig(Tunable):
     """The load from electric power and velocity.
 
