@@ -14,8 +14,10 @@ from controller.motion.drive import Drive
 from controller.observe.estimate import NOTHING, Motion, Observation
 from controller.state import Inputs, Params, State, view_of
 from controller.supervisory import Events, SetPoints
-from controller.timing import valves
-from controller.timing.plan import PlannedPulse
+from controller.timing import port, valves
+from controller.timing.injection import plan_injection, retime_injection
+from controller.timing.plan import Plan, PlannedPulse
+from controller.timing.port import Film
 from controller.timing.valves import ValveTiming
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
@@ -56,6 +58,43 @@ def with_law(params: Params, state: State, name: str) -> State:
     """Let another law go on from here; in a mode without one it will begin afresh."""
     view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
     return replace(state, fuelling=state.fuelling.handed_over(name, params.law_of(name), view))
+
+
+def inject(
+    params: Params, state: State, motion: Motion, t_ns: i64, stroke_s: float, plan: Plan,
+    fuel_kg: float,
+) -> Plan:  # fmt: skip
+    """Level 4: the injection of a fuel that has just been asked for, at mid-stroke."""
+    timings, period_ns = params.timings, params.period_ns
+    if params.port is None or state.film is None:
+        return plan_injection(timings, motion, t_ns, period_ns, stroke_s, fuel_kg)
+    return port.plan(
+        params.port, timings, state.film, plan, motion, t_ns, period_ns, stroke_s, fuel_kg
+    )
+
+
+def reinject(
+    params: Params, film: Film | None, motion: Motion, ends_ns: i64, stroke_s: float, plan: Plan,
+    fuel_kg: float,
+) -> Plan:  # fmt: skip
+    """Level 4: the same injection with another fuel, as far as that still reaches it.
+
+    Parameters: ends_ns : when it has to be over at the latest, but for `timing.trim_margin_s`
+    """
+    timings, period_ns = params.timings, params.period_ns
+    if params.port is None or film is None:
+        return retime_injection(timings, plan, ends_ns, motion.t_ns, period_ns, fuel_kg)
+    return port.retime(
+        params.port, timings, film, plan, motion, ends_ns, period_ns, stroke_s, fuel_kg
+    )
+
+
+def filmed(params: Params, state: State, motion: Motion) -> Film | None:
+    """The films of the ports behind a dead centre."""
+    film, stroke_s = state.film, state.set_points.point.stroke_s
+    if params.port is None or film is None:
+        return film
+    return port.after_dead_centre(params.port, params.timings, film, state.plan, motion, stroke_s)
 
 
 def with_valves(

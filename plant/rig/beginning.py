@@ -20,6 +20,7 @@ from plant.rig import air, charges, disturbances
 from plant.rig.actuation import Actuation, with_valves
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
+from plant.rig.induction import settled
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
 from plant.rig.state import DeadCentre, PlantState, Stroke
@@ -40,7 +41,9 @@ def initial_state(
     if fuel_kg is None:
         s = _at(p, p.engine.begin(None, load))
         return (s.but(pulses=with_valves(s.pulses, SHUT)) if p.valves.by_lines else s), ()
-    return _settled(p, fuel_kg, load)
+    s, events = _settled(p, fuel_kg, load)
+    wall = p.injector.wall
+    return (s if wall is None else s.but(pulses=settled(p, s, wall, fuel_kg))), events
 
 
 def _at(p: PlantParams, motion: Motion) -> PlantState:
