@@ -11,6 +11,7 @@ from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion import drive
 from controller.motion.choice import refusal
 from controller.motion.drive import Drive
+from controller.motion.fuelling import Fuelling
 from controller.observe.estimate import NOTHING, Motion, Observation
 from controller.state import Inputs, Params, State, view_of
 from controller.supervisory import Events, SetPoints
@@ -19,6 +20,7 @@ from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import Plan, PlannedPulse
 from controller.timing.port import Film
 from controller.timing.valves import ValveTiming
+from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import GENERATOR, MOTOR
@@ -68,13 +70,14 @@ def inject(
     timings, period_ns = params.timings, params.period_ns
     if params.port is None or state.film is None:
         return plan_injection(timings, motion, t_ns, period_ns, stroke_s, fuel_kg)
+    shut_ns = _shut_ns(params, state.fuelling, state.set_points, motion)
     return port.plan(
-        params.port, timings, state.film, plan, motion, t_ns, period_ns, stroke_s, fuel_kg
+        params.port, timings, state.film, plan, motion, t_ns, period_ns, stroke_s, fuel_kg, shut_ns
     )
 
 
 def reinject(
-    params: Params, film: Film | None, motion: Motion, ends_ns: i64, stroke_s: float, plan: Plan,
+    params: Params, state: State, fuelling: Fuelling, motion: Motion, ends_ns: i64, plan: Plan,
     fuel_kg: float,
 ) -> Plan:  # fmt: skip
     """Level 4: the same injection with another fuel, as far as that still reaches it.
@@ -82,11 +85,26 @@ def reinject(
     Parameters: ends_ns : when it has to be over at the latest, but for `timing.trim_margin_s`
     """
     timings, period_ns = params.timings, params.period_ns
-    if params.port is None or film is None:
+    if params.port is None or state.film is None:
         return retime_injection(timings, plan, ends_ns, motion.t_ns, period_ns, fuel_kg)
+    shut_ns = _shut_ns(params, fuelling, state.set_points, motion)
     return port.retime(
-        params.port, timings, film, plan, motion, ends_ns, period_ns, stroke_s, fuel_kg
+        params.port, timings, state.film, plan, motion, ends_ns, period_ns, fuel_kg, shut_ns
     )
+
+
+def _shut_ns(params: Params, fuelling: Fuelling, set_points: SetPoints, motion: Motion) -> i64:
+    """When the intake behind the piston will close, in the stroke to come: by the map's end."""
+    stroke_s, stroke_map = set_points.point.stroke_s, params.stroke_map
+    end_m, left_s = motion.tdc_m, 0.5 * stroke_s - float(motion.t_ns - motion.mid_t_ns) * 1e-9
+    if stroke_map is not None:
+        law = params.law_of(fuelling.law_name)
+        load = law.load_of(fuelling.law, set_points.load_n_s_m)
+        burnt_kg = fuelling.burnt_kg[0] if motion.side == 0 else fuelling.burnt_kg[1]
+        z, v, tau = motion.z_m, motion.speed_m_s, motion.tau_s
+        end_m, left_s = stroke_map.travel(burnt_kg, load, z, v, tau)
+    assert params.port is not None, "asked of an intake port"
+    return motion.t_ns + nearest(left_s * 1e9) + params.port.closes_ns(end_m, stroke_s)
 
 
 def filmed(params: Params, state: State, motion: Motion) -> Film | None:

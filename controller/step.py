@@ -32,7 +32,6 @@ from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position
 from controller.timing.advance import is_far, postponed
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
-from controller.timing.port import Film
 from controller.timing.spark import may_move, plan_spark
 from hil.rounding import nearest
 from hil.values import replace
@@ -159,7 +158,7 @@ def _fuel(
             plan = postponed(params.timings, plan, ends_ns)
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
-    return _trimmed(params, law, fuelling, plan, view, set_points.most_kg, state.film)
+    return _trimmed(params, law, fuelling, plan, view, set_points.most_kg, state)
 
 
 def _burnt(state: State, motion: Motion) -> Fuelling:
@@ -210,7 +209,7 @@ def _asked(
 
 def _trimmed(
     params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, most_kg: float,
-    film: Film | None,
+    state: State,
 ) -> tuple[Fuelling, Plan, float]:  # fmt: skip
     """Let the law watch the tick, and retime the injection that is still to be trimmed."""
     motion = view.motion
@@ -228,7 +227,7 @@ def _trimmed(
             timings.spark_advance_s,
         )  # fmt: skip
         plan = reinject(
-            params, film, motion, motion.t_ns + nearest(ahead_s * 1e9), view.point.stroke_s, plan,
+            params, state, fuelling, motion, motion.t_ns + nearest(ahead_s * 1e9), plan,
             fuelling.demand.fuel_kg,
         )  # fmt: skip
     return fuelling, plan, view.load_n_s_m if trim.load_n_s_m is None else trim.load_n_s_m

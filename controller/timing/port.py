@@ -87,11 +87,13 @@ def _wets(port: Port, timings: Timings, pulse: PlannedPulse, shut_ns: i64) -> fl
 
 def plan(
     port: Port, timings: Timings, film: Film, before: Plan, motion: Motion, t_ns: i64,
-    period_ns: i64, stroke_s: float, fuel_kg: float,
+    period_ns: i64, stroke_s: float, fuel_kg: float, shut_ns: i64,
 ) -> Plan:  # fmt: skip
-    """Place the injection for the dead centre after the one ahead, at mid-stroke."""
+    """Place the injection for the dead centre after the one ahead, at mid-stroke.
+
+    Parameters: shut_ns : when the intake should close on it
+    """
     side = 1 - motion.side_ahead
-    shut_ns = motion.mid_t_ns + nearest(0.5e9 * stroke_s) + port.closes_ns(motion.tdc_m, stroke_s)
     about = plan_injection(timings, motion, t_ns, period_ns, stroke_s, fuel_kg)
     assert about.injection is not None
     evaporates_kg = film.evaporated_kg(port, side, shut_ns)
@@ -105,12 +107,11 @@ def plan(
 
 def retime(
     port: Port, timings: Timings, film: Film, before: Plan, motion: Motion, dead_centre_ns: i64,
-    period_ns: i64, stroke_s: float, fuel_kg: float,
+    period_ns: i64, fuel_kg: float, shut_ns: i64,
 ) -> Plan:  # fmt: skip
     """Give an injection that may still be trimmed another fuel."""
     old = before.injection
     assert old is not None
-    shut_ns = dead_centre_ns + port.closes_ns(motion.tdc_m, stroke_s)
     evaporates_kg = film.evaporated_kg(port, 1 - motion.side_ahead, shut_ns)
     goes_in = 1.0 - _wets(port, timings, old, shut_ns)
     mass_kg = max(fuel_kg - evaporates_kg, 0.0) / goes_in

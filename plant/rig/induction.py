@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from plant.engines.protocol import BY_SPARK, Motion
-from plant.rig import actuation, port
+from plant.rig import actuation
 from plant.rig.actuation import Actuation
 from plant.rig.charges import LEFT, RIGHT
 from plant.rig.params import PlantParams
-from plant.rig.port import Wall, crossing_share
+from plant.rig.port import SETTLED, crossing_share, worked_out
 from plant.rig.state import PlantState
 
 BY_POSITION: Final = -1
@@ -39,21 +38,9 @@ def taken_in(
     if level == BY_POSITION and z < wall.closes_m:
         v, v_after = way * s.motion.v_m_s, way * after.v_m_s
         shut_ns += 1e9 * lasts_s * crossing_share(z, v, z_after, v_after, lasts_s, wall.closes_m)
+    if pulses.ports[side].stroke == SETTLED:
+        left, right = (worked_out(wall, one, shut_ns, s.stroke.number) for one in pulses.ports)
+        return actuation.with_ports(pulses, (left, right))
     if p.engine.ignition != BY_SPARK:  # which stops at every edge
         pulses = actuation.advance(pulses, p.injector, shut_ns)
     return actuation.shut(pulses, p.injector, side, shut_ns, s.stroke.number)
-
-
-def settled(p: PlantParams, s: PlantState, wall: Wall, fuel_kg: float) -> Actuation:
-    """Both ports at t = 0 of a settled motion that begins at the left dead centre.
-
-    The right intake will close as the piston passes on, z = -X cos(pi t / T); the left one has
-    closed a stroke before that.
-    """
-    stroke_s = p.engine.stroke_s(s.motion, s.machine, 0, 0)
-    share = -wall.closes_m / max(abs(s.stroke.start_x_m), 1e-6)
-    closes_ns = 1e9 * stroke_s / math.pi * math.acos(min(max(share, -1.0), 1.0))
-    film_kg = p.config.injector.film_kg or 0.0
-    left = port.settled(wall, film_kg, closes_ns - 1e9 * stroke_s, 0.0)
-    right = port.settled(wall, film_kg, closes_ns, fuel_kg)
-    return actuation.with_ports(s.pulses, (left, right))

@@ -54,6 +54,8 @@ class Port(Value):
 
 
 DRY: Final = Port()
+SETTLED: Final[i64] = -2
+"""Stroke of a port that is still to be worked out."""
 
 
 def wall_of(config: InjectorConfig, half_stroke_m: float) -> Wall | None:
@@ -94,13 +96,18 @@ def emptied(port: Port) -> Port:
     return Port(port.t_ns, port.film_kg, port.vapour_kg, 0.0, port.stroke)
 
 
-def settled(wall: Wall, film_kg: float, closes_ns: float, charge_kg: float) -> Port:
-    """A port at t = 0 of a settled motion, whose intake closes or has closed at `closes_ns`.
+def begun(film_kg: float, charge_kg: float, stroke_ns: float) -> tuple[Port, Port]:
+    """Both ports of a settled motion at the left dead centre, before the first intake closes.
 
-    Parameters: film_kg : at that instant; charge_kg : what it will have taken in by then
+    They are worked out where it does: that of the left cylinder has closed a stroke before.
     """
-    now_kg = film_kg * math.exp(closes_ns / wall.tau_ns)
-    return Port(0.0, now_kg, max(charge_kg + film_kg - now_kg, 0.0))
+    return Port(-stroke_ns, film_kg, 0.0, 0.0, SETTLED), Port(0.0, film_kg, 0.0, charge_kg, SETTLED)
+
+
+def worked_out(wall: Wall, port: Port, shut_ns: float, stroke: i64) -> Port:
+    """A port that has begun settled, at the first closing."""
+    at = Port(shut_ns + port.t_ns, port.film_kg, 0.0, port.charge_kg, stroke)
+    return later(wall, at, 0.0, shut_ns, shut_ns, shut_ns)
 
 
 def crossing_share(
