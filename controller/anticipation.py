@@ -11,10 +11,10 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import Demand
 from controller.motion.prediction import dead_centre, seconds_ahead, unseen_dead_centre
 from controller.observe.estimate import Motion, Observation
+from controller.orders import inject
 from controller.state import Params, State
 from controller.supervisory import SetPoints
 from controller.timing.advance import plan_ahead
-from controller.timing.injection import plan_injection
 from controller.timing.plan import NO_PLAN, Plan
 from hil.rounding import nearest
 
@@ -57,9 +57,7 @@ def unasked(
     if state.ahead.fuel_kg > 0.0:
         return fuelling.demanding(demand.of(state.ahead.fuel_kg)), state.ahead
     stroke_s = set_points.point.stroke_s
-    plan = plan_injection(
-        params.timings, seen.motion, seen.t_ns, params.period_ns, stroke_s, demand.fuel_kg
-    )
+    plan = inject(params, state, seen.motion, seen.t_ns, stroke_s, state.plan, demand.fuel_kg)
     return fuelling.demanding(demand), plan
 
 
@@ -78,6 +76,8 @@ def ordered_ahead(
         return state.ahead
     motion = seen.motion
     if timings.spark_position_m is not None or not timings.fire(motion.stroke):
+        return NO_PLAN
+    if params.port is not None:  # what burns next is in the cylinder already
         return NO_PLAN
     stroke_s = set_points.point.stroke_s
     fuel_kg = _steady(params, set_points, fuelling).fuel_kg

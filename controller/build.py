@@ -17,7 +17,8 @@ from controller.motion.law import NO_DEMAND
 from controller.observe.estimate import Motion
 from controller.state import Params, State
 from controller.supervisory import Supervisor
-from controller.timing.plan import NO_PLAN
+from controller.timing import port
+from controller.timing.plan import NO_PLAN, Plan
 from controller.timing.valve_table import table_of
 from controller.timing.valves import initial as timing_of_valves
 from hil.config.controller import ControllerConfig
@@ -69,15 +70,22 @@ def initial_state(params: Params) -> State:
         valves = timing_of_valves(
             params.valve_table, set_points.tdc_ref_m, set_points.point.stroke_s, config.running
         )
+    plan, film = NO_PLAN, None
+    if params.port is not None:
+        stroke_s = set_points.point.stroke_s
+        closes_ns = params.port.closes_ns(set_points.tdc_ref_m, stroke_s)
+        film = port.initial(params.port, closes_ns, round(1e9 * stroke_s))
+        plan = Plan(None, None, steady_kg if config.running else 0.0, 0.0)
     return State(
         motion=Motion(tdc_m=set_points.tdc_ref_m),
         stale=0,
         operation=Operation(initial_mode(config), fired_strokes=config.start.open_strokes),
         set_points=set_points,
         fuelling=Fuelling(config.name, params.law.initial(), NO_DEMAND, (steady_kg, steady_kg)),
-        plan=NO_PLAN,
+        plan=plan,
         pulses=(),
         valves=valves,
+        film=film,
     )
 
 

@@ -11,12 +11,16 @@ from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion import drive
 from controller.motion.choice import refusal
 from controller.motion.drive import Drive
+from controller.motion.fuelling import Fuelling
 from controller.observe.estimate import NOTHING, Motion, Observation
 from controller.state import Inputs, Params, State, view_of
 from controller.supervisory import Events, SetPoints
-from controller.timing import valves
-from controller.timing.plan import PlannedPulse
+from controller.timing import port, valves
+from controller.timing.injection import plan_injection, retime_injection
+from controller.timing.plan import Plan, PlannedPulse
+from controller.timing.port import Film
 from controller.timing.valves import ValveTiming
+from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import GENERATOR, MOTOR
@@ -56,6 +60,59 @@ def with_law(params: Params, state: State, name: str) -> State:
     """Let another law go on from here; in a mode without one it will begin afresh."""
     view = view_of(params, state.motion, NOTHING, state.set_points, state.fuelling, float("nan"))
     return replace(state, fuelling=state.fuelling.handed_over(name, params.law_of(name), view))
+
+
+def inject(
+    params: Params, state: State, motion: Motion, t_ns: i64, stroke_s: float, plan: Plan,
+    fuel_kg: float,
+) -> Plan:  # fmt: skip
+    """Level 4: the injection of a fuel that has just been asked for, at mid-stroke."""
+    timings, period_ns = params.timings, params.period_ns
+    if params.port is None or state.film is None:
+        return plan_injection(timings, motion, t_ns, period_ns, stroke_s, fuel_kg)
+    shut_ns = _shut_ns(params, state.fuelling, state.set_points, motion)
+    return port.plan(
+        params.port, timings, state.film, plan, motion, t_ns, period_ns, stroke_s, fuel_kg, shut_ns
+    )
+
+
+def reinject(
+    params: Params, state: State, fuelling: Fuelling, motion: Motion, ends_ns: i64, plan: Plan,
+    fuel_kg: float,
+) -> Plan:  # fmt: skip
+    """Level 4: the same injection with another fuel, as far as that still reaches it.
+
+    Parameters: ends_ns : when it has to be over at the latest, but for `timing.trim_margin_s`
+    """
+    timings, period_ns = params.timings, params.period_ns
+    if params.port is None or state.film is None:
+        return retime_injection(timings, plan, ends_ns, motion.t_ns, period_ns, fuel_kg)
+    shut_ns = _shut_ns(params, fuelling, state.set_points, motion)
+    return port.retime(
+        params.port, timings, state.film, plan, motion, ends_ns, period_ns, fuel_kg, shut_ns
+    )
+
+
+def _shut_ns(params: Params, fuelling: Fuelling, set_points: SetPoints, motion: Motion) -> i64:
+    """When the intake behind the piston will close, in the stroke to come: by the map's end."""
+    stroke_s, stroke_map = set_points.point.stroke_s, params.stroke_map
+    end_m, left_s = motion.tdc_m, 0.5 * stroke_s - float(motion.t_ns - motion.mid_t_ns) * 1e-9
+    if stroke_map is not None:
+        law = params.law_of(fuelling.law_name)
+        load = law.load_of(fuelling.law, set_points.load_n_s_m)
+        burnt_kg = fuelling.burnt_kg[0] if motion.side == 0 else fuelling.burnt_kg[1]
+        z, v, tau = motion.z_m, motion.speed_m_s, motion.tau_s
+        end_m, left_s = stroke_map.travel(burnt_kg, load, z, v, tau)
+    assert params.port is not None, "asked of an intake port"
+    return motion.t_ns + nearest(left_s * 1e9) + params.port.closes_ns(end_m, stroke_s)
+
+
+def filmed(params: Params, state: State, motion: Motion) -> Film | None:
+    """The films of the ports behind a dead centre."""
+    film, stroke_s = state.film, state.set_points.point.stroke_s
+    if params.port is None or film is None:
+        return film
+    return port.after_dead_centre(params.port, params.timings, film, state.plan, motion, stroke_s)
 
 
 def with_valves(

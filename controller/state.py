@@ -20,6 +20,7 @@ from controller.observe.power import UNMETERED, Metering
 from controller.safety import Limits
 from controller.supervisory import Events, SetPoints, Supervisor
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
+from controller.timing.port import Film, Port
 from controller.timing.valve_table import ValveTable
 from controller.timing.valves import ValveTiming
 from hil.config.controller import ControllerConfig, StartConfig
@@ -48,6 +49,7 @@ class Params:
 
     config: in force; begun: with which the run began
     laws: all that there are, by name; the one that is configured is at hand as `law`
+    port: the intake ports that the injectors feed, None where they feed the cylinders
     valve_table: where valves are to move, None where the controller does not move them
     cycle: the machine's part in a four-stroke cycle, None where the controller does not drive it
     """
@@ -72,6 +74,8 @@ class Params:
         self.limits = Limits(config.limits)
         self.start = Start(config.start)
         self.timings = Timings(config)
+        injector, half_m = config.injector, engine.half_stroke_m
+        self.port = Port(injector, half_m) if injector.kind == "port" else None
         self.laws = laws
         self.law_name: str = config.name
         self.law = laws[config.name]
@@ -87,18 +91,19 @@ class State(Value):
 
     stale: ticks in a row without a sample; pulses: those on the wire, not closed yet
     ahead: what is ordered for the dead centre ahead until the law has been asked
-    valves: None where the controller does not move them
+    valves: None where the controller does not move them; film: of intake ports, None without
     """
 
     __slots__ = (
         "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
-        "valves", "metering", "drive",
+        "valves", "metering", "drive", "film",
     )  # fmt: skip
 
     def __init__(
         self, motion: Motion, stale: i64, operation: Operation, set_points: SetPoints,
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
         valves: ValveTiming | None = None, metering: Metering = UNMETERED, drive: Drive = AT_REST,
+        film: Film | None = None,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -111,11 +116,12 @@ class State(Value):
         self.valves = valves
         self.metering = metering
         self.drive = drive
+        self.film = film
 
     @property
     def in_force(self) -> Plan:
         """The plan for the dead centre ahead: the law's, or what was ordered long before."""
-        return self.plan if self.plan.fuel_kg > 0.0 else self.ahead
+        return self.plan if self.plan.is_set else self.ahead
 
     @property
     def mode(self) -> Mode:
@@ -197,14 +203,14 @@ class Output(Value):
 
 def view_of(
     params: Params, motion: Motion, passed: Passed, set_points: SetPoints, fuelling: Fuelling,
-    power_w: float,
+    power_w: float, enclosed_kg: float = 0.0,
 ) -> View:  # fmt: skip
-    """One tick as a law sees it."""
+    """One tick as a law sees it; `enclosed_kg` burns at the dead centre ahead, come what may."""
     limits = params.limits
     return View(
         params.dt_s, motion, passed, set_points.tdc_ref_m, set_points.load_n_s_m, set_points.point,
         power_w, fuelling.burnt_kg, limits.fuel_min_kg, set_points.most_kg,
-        params.stroke_map,
+        params.stroke_map, 0 if params.port is None else 1, enclosed_kg,
     )  # fmt: skip
 
 
@@ -216,10 +222,13 @@ def report_of(
         return None
     begun_ns, target = state.motion.dc_t_ns, set_points.target
     lasted_s = float(motion.dc_t_ns - begun_ns) * 1e-9
-    fuel_kg, air = state.fuelling.demand.fuel_kg, params.supervisor.air
+    demand, air = state.fuelling.demand, params.supervisor.air
+    if params.port is not None:  # what was asked for in the stroke before burns now
+        demand = demand.of(state.in_force.fuel_kg)
+    fuel_kg = demand.fuel_kg
     lambda_ratio = air.lambda_of(set_points.manifold_pa, fuel_kg) if fuel_kg > 0.0 else None
     return StrokeReport(
         motion.stroke, motion.side, motion.tdc_m, set_points.tdc_ref_m, motion.v_mid_m_s,
-        state.fuelling.demand, 0.5 / lasted_s if begun_ns >= 0 and lasted_s > 0.0 else None,
+        demand, 0.5 / lasted_s if begun_ns >= 0 and lasted_s > 0.0 else None,
         power_w, None if target is None else target.within_w, lambda_ratio,
     )  # fmt: skip

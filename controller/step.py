@@ -26,12 +26,11 @@ from controller.observe.estimate import (
     observe,
     seconds_to_dead_centre,
 )
-from controller.orders import machine_order, obey, with_valves
+from controller.orders import filmed, inject, machine_order, obey, reinject, with_valves
 from controller.state import Inputs, Output, Params, State, report_of, view_of
 from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position
 from controller.timing.advance import is_far, postponed
-from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
 from hil.rounding import nearest
@@ -65,19 +64,20 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     metering = power.read(metering, t_ns, inputs.power_w)
     fuelling, plan, load_n_s_m = _fuel(params, state, seen, set_points, inputs.power_w)
     mode = state.operation.mode
-    if plan.fuel_kg > 0.0:
+    if plan.fuel_kg > 0.0 and (plan.later_kg < 0.0 or seen.motion.passed_mid):
         plan = _with_spark(
             params, mode, seen.motion, set_points, plan, fuelling, t_ns, state.pulses
         )
     ahead = ordered_ahead(params, state, seen, set_points, fuelling, plan, judged)
-    first = plan if plan.fuel_kg > 0.0 else ahead
+    first = plan if plan.is_set else ahead
+    film = filmed(params, state, seen.motion) if seen.passed.dead_centre else state.film
     pulses = actuator.still_open(state.pulses, first.injection, first.spark, t_ns)
     driving, machine = machine_order(params, state.drive, mode, seen, set_points, load_n_s_m)
     machine = safety.limit_machine(params.limits, machine)
     moved, sent = with_valves(params, state.valves, before, seen, inputs, mode, pulses)
     after = State(
         seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved,
-        metering, driving,
+        metering, driving, film,
     )  # fmt: skip
     return after, Output(mode, machine, set_points.throttle, sent, stroke, events)
 
@@ -137,7 +137,7 @@ def _fuel(
     """
     fuelling, plan = state.fuelling, state.plan
     if seen.passed.dead_centre:
-        fuelling, plan = _burnt(state, seen.motion), NO_PLAN
+        fuelling, plan = _burnt(state, seen.motion), state.plan.successor
     due = seen.passed.mid_stroke and _is_to_fire(params, state, seen.motion, set_points)
     if due and not seen.whole:
         fuelling, plan = unasked(params, state, seen, set_points, fuelling)
@@ -146,11 +146,11 @@ def _fuel(
     watches = law.watches and _may_watch(params, state, seen)
     if not (due or watches):
         return fuelling, plan, set_points.load_n_s_m
-    view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w)
+    view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w, plan.fuel_kg)
     if due:
         fuelling = _asked(params, state, fuelling, view, set_points.most_kg)
-        plan = plan_injection(
-            params.timings, seen.motion, seen.t_ns, params.period_ns, view.point.stroke_s,
+        plan = inject(
+            params, state, seen.motion, seen.t_ns, view.point.stroke_s, plan,
             fuelling.demand.fuel_kg,
         )  # fmt: skip
         if seen.unheard:  # what is due soon would come too late
@@ -158,7 +158,7 @@ def _fuel(
             plan = postponed(params.timings, plan, ends_ns)
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
-    return _trimmed(params, law, fuelling, plan, view, set_points.most_kg)
+    return _trimmed(params, law, fuelling, plan, view, set_points.most_kg, state)
 
 
 def _burnt(state: State, motion: Motion) -> Fuelling:
@@ -208,12 +208,13 @@ def _asked(
 
 
 def _trimmed(
-    params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, most_kg: float
-) -> tuple[Fuelling, Plan, float]:
+    params: Params, law: Law[Any], fuelling: Fuelling, plan: Plan, view: View, most_kg: float,
+    state: State,
+) -> tuple[Fuelling, Plan, float]:  # fmt: skip
     """Let the law watch the tick, and retime the injection that is still to be trimmed."""
     motion = view.motion
-    fuelling, trim = fuelling.watched(law, view, plan.fuel_kg)
-    if trim.fuel_kg is not None and plan.fuel_kg > 0.0:
+    fuelling, trim = fuelling.watched(law, view, plan.asked_kg)
+    if trim.fuel_kg is not None and plan.asked_kg > 0.0:
         wanted = fuelling.demand.of(trim.fuel_kg)
         fuelling = fuelling.demanding(safety.limit_fuel(params.limits, most_kg, wanted))
     stroke_map = view.stroke_map
@@ -225,9 +226,9 @@ def _trimmed(
             stroke_map, motion, load, view.burnt_kg, timings.spark_position_m,
             timings.spark_advance_s,
         )  # fmt: skip
-        plan = retime_injection(
-            params.timings, plan, motion.t_ns + nearest(ahead_s * 1e9), motion.t_ns,
-            params.period_ns, fuelling.demand.fuel_kg,
+        plan = reinject(
+            params, state, fuelling, motion, motion.t_ns + nearest(ahead_s * 1e9), plan,
+            fuelling.demand.fuel_kg,
         )  # fmt: skip
     return fuelling, plan, view.load_n_s_m if trim.load_n_s_m is None else trim.load_n_s_m
 

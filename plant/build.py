@@ -51,7 +51,10 @@ def begin(scenario: Resolved, params: PlantParams) -> tuple[PlantState, tuple[Ev
     if preset.load_coefficient_n_s_m is not None:
         load_n_s_m = preset.load_coefficient_n_s_m
     state, events = initial_state(
-        params, preset.fuel_kg if scenario.begins == "settled" else None, load_n_s_m
+        params,
+        preset.fuel_kg if scenario.begins == "settled" else None,
+        load_n_s_m,
+        preset.stroke_s or 0.0,
     )
     manifold = still(params.intake, controller.supervisory.throttle)
     return state.but(manifold=manifold), events

@@ -24,7 +24,7 @@ def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
         load_coefficient_n_s_m=p.load_coefficient_n_s_m if load_n_s_m is None else load_n_s_m,
         stale_ticks=stale_ticks(config.stale_s, p.period_ns),
         spark_window_ns=config.spark_window_s * SECOND_NS,
-        injector=injector_of(config.injector),
+        injector=injector_of(config.injector, config.resolved_prototype().half_stroke_m),
         sensors=config.sensors,
         noisy=is_noisy(config.sensors),
     )

@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.run.checks.signals import check_expectations
 from bench.run.checks.stimuli import check_stimuli, loaded
-from bench.run.filling import detailed, fmu
+from bench.run.filling import detailed, fmu, port
 from bench.run.filling.start_load import start_load
 from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
@@ -34,7 +34,11 @@ _OF_THE_MOTION = ("v_mid_m_s", "stroke_s", "fuel_per_speed_kg_s_m", "power_w")
 
 _OF_THE_ENGINE = {
     "plant": {"contact_restitution": "contact_restitution"},
-    "plant.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
+    "plant.injector": {
+        "static_flow_kg_s": "injector_kg_s",
+        "dead_time_s": "injector_dead_s",
+        "intake_closes_m": "intake_closes_m",
+    },
     "controller.injector": {"static_flow_kg_s": "injector_kg_s", "dead_time_s": "injector_dead_s"},
     "controller.start": {"force_n": "start_force_n"},
     "controller.limits": {"fuel_min_kg": "fuel_min_kg", "fuel_max_kg": "fuel_max_kg"},
@@ -104,6 +108,7 @@ def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
         _fill_controller(scenario, prototype, tree["controller"])
     tree["controller"]["own"] = _own(scenario)
     budget.fit(scenario, tree)
+    port.fill(scenario, tree)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)

@@ -105,7 +105,7 @@ def first_fuel(charge: Charge, view: View) -> float:
 
     That of the steady state; while the shares are still to be aligned, that burnt there last.
     """
-    side = view.motion.side_ahead
+    side = view.fuel_side
     burnt = view.burnt_at(side)
     if not charge.known and burnt > 0.0:
         return view.limited_kg(burnt)

@@ -46,8 +46,14 @@ def rest_of_stroke(view: View, learnt: Charge, c: float) -> tuple[float, float]:
 
 
 def fuel_after(view: View, learnt: Charge, c: float, end_m: float, planned_kg: float) -> float:
-    """The fuel for the stroke from the predicted dead centre to the set point, in its limits."""
-    share = learnt.share_of(1 - view.motion.side)
+    """The fuel for the stroke from the predicted dead centre to the set point, in its limits.
+
+    With a lag a stroke on what is enclosed already comes before that one.
+    """
+    share, believed = learnt.share_of(view.fuel_side), learnt.map_of(view)
     start = end_m + learnt.ahead_m
-    q = learnt.map_of(view).charge_for(c, start, view.tdc_ref_m, share * planned_kg)
+    if view.lag and view.enclosed_kg > 0.0:
+        enclosed = learnt.share_of(1 - view.motion.side) * view.enclosed_kg
+        start = believed.end_of(enclosed, c, start)
+    q = believed.charge_for(c, start, view.tdc_ref_m, share * planned_kg)
     return view.limited_kg(q / share)

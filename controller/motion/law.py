@@ -28,17 +28,19 @@ class View(Value):
     burnt_kg: fuel commanded for the last combustion at the left and at the right head
     fuel_min_kg, fuel_max_kg: what may be asked for
     stroke_map: what may be believed of a stroke, None when the steady state tells nothing
+    lag: strokes by which what is asked for burns after the dead centre ahead
+    enclosed_kg: with a lag, what was asked for before and burns at the dead centre ahead
     """
 
     __slots__ = (
         "dt_s", "motion", "passed", "tdc_ref_m", "load_n_s_m", "point", "power_w", "burnt_kg",
-        "fuel_min_kg", "fuel_max_kg", "stroke_map",
+        "fuel_min_kg", "fuel_max_kg", "stroke_map", "lag", "enclosed_kg",
     )  # fmt: skip
 
     def __init__(
         self, dt_s: float, motion: Motion, passed: Passed, tdc_ref_m: float, load_n_s_m: float,
         point: OperatingPoint, power_w: float, burnt_kg: tuple[float, float], fuel_min_kg: float,
-        fuel_max_kg: float, stroke_map: StrokeMap | None,
+        fuel_max_kg: float, stroke_map: StrokeMap | None, lag: i64 = 0, enclosed_kg: float = 0.0,
     ) -> None:  # fmt: skip
         self.dt_s = dt_s
         self.motion = motion
@@ -51,6 +53,14 @@ class View(Value):
         self.fuel_min_kg = fuel_min_kg
         self.fuel_max_kg = fuel_max_kg
         self.stroke_map = stroke_map
+        self.lag = lag
+        self.enclosed_kg = enclosed_kg
+
+    @property
+    def fuel_side(self) -> i64:
+        """Head at which the fuel burns that is asked for: 0 left, 1 right."""
+        ahead = self.motion.side_ahead
+        return ahead if self.lag == 0 else 1 - ahead
 
     @property
     def believed(self) -> StrokeMap:

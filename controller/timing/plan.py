@@ -55,17 +55,37 @@ class PlannedPulse(Value):
 
 @final
 class Plan(Value):
-    """The edges for the dead centre that ends this stroke; `fuel_kg` is what it will burn."""
+    """The edges of a stroke; `fuel_kg` is what the dead centre that ends it will burn.
 
-    __slots__ = ("injection", "spark", "fuel_kg")
+    later_kg: what the injection is for, where it burns at the dead centre after that; below 0 where
+        it burns at the dead centre ahead
+    """
+
+    __slots__ = ("injection", "spark", "fuel_kg", "later_kg")
 
     def __init__(
         self, injection: PlannedPulse | None = None, spark: PlannedPulse | None = None,
-        fuel_kg: float = 0.0,
+        fuel_kg: float = 0.0, later_kg: float = -1.0,
     ) -> None:  # fmt: skip
         self.injection = injection
         self.spark = spark
         self.fuel_kg = fuel_kg
+        self.later_kg = later_kg
+
+    @property
+    def asked_kg(self) -> float:
+        """The fuel that its injection is for."""
+        return self.fuel_kg if self.later_kg < 0.0 else self.later_kg
+
+    @property
+    def is_set(self) -> bool:
+        """Whether there is fuel in it, to be injected or to be lit."""
+        return self.fuel_kg > 0.0 or self.later_kg > 0.0
+
+    @property
+    def successor(self) -> Plan:
+        """The plan that a dead centre begins with: what has been injected already is in it."""
+        return NO_PLAN if self.later_kg < 0.0 else Plan(None, None, self.later_kg, 0.0)
 
 
 NO_PLAN: Final = Plan()

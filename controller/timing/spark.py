@@ -49,4 +49,4 @@ def plan_spark(
     open_ns = whole_us(max(open_ns, t_ns + timings.act_ticks * period_ns))
     duration_ns = nearest(timings.spark_duration_s * 1e6) * US
     spark = PlannedPulse(_LEFT + motion.side_ahead, open_ns, duration_ns)
-    return Plan(plan.injection, spark, plan.fuel_kg)
+    return Plan(plan.injection, spark, plan.fuel_kg, plan.later_kg)

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from hil.brought import SUFFIX, name_of
 from hil.config.base import LIVE, Section, Tunable
+from hil.config.injection import InjectorKnowledge
 from hil.config.motion.cycle import CycleConfig
 from hil.config.motion.laws import (
     LearningConfig,
@@ -25,7 +26,6 @@ from hil.config.ranges import STALE_S, CommandedLoad, StaleS, StartForceN, TdcRe
 from hil.config.supervisory.air import AirKnowledge
 from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import (
-    InjectorKnowledge,
     Metres,
     StrokeTime,
     TimingConfig,

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
+from hil.config.injection import InjectorConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
     STALE_S,
-    DeadTimeS,
-    FlowKgS,
     LoadCoefficient,
     PressurePa,
     Restitution,
@@ -30,8 +29,6 @@ OwnModel = Annotated[str, OneOf(OWN_MODELS)]
 Model = Annotated[str, OneOf((*OWN_MODELS, "fmu"))]
 
 _FMU = "fmu:"
-
-FlowScale = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
 if TYPE_CHECKING:
@@ -111,21 +108,6 @@ class AirConfig(Section):
     lag_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.05
     rich_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.6
     lean_limit: Annotated[float, Field(ge=1.0, le=100.0)] = 1.7
-
-
-class InjectorConfig(Tunable):
-    """Injector characteristic: nothing for the dead time, then the static flow until it closes.
-
-    scatter: standard deviation of one injection's mass, as a share
-    drift_1_s: by what share more flows with each second of the run
-    """
-
-    static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
-    dead_time_s: DeadTimeS = DEFAULT.injector_dead_s
-    flow_scale_left: FlowScale = 1.0
-    flow_scale_right: FlowScale = 1.0
-    scatter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
-    drift_1_s: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
 
 
 _VALVE_ACTUATORS: dict[str, tuple[float, float, float]] = {

@@ -71,6 +71,7 @@ class Prototype(Figures):
 
     chambers: how many fire; the fast models, of two, do not describe an engine with one
     intake_pa: pressure in the intake manifold behind an open throttle
+    intake_closes_m: distance from a head at which its intake closes
     open_loop_fuel_kg: fuel of open-loop operation; None: what wide open throttle lets in
     """
 
@@ -81,6 +82,7 @@ class Prototype(Figures):
     contact_restitution: Restitution
     open_loop_fuel_kg: FuelKg | None = None
     intake_pa: PressurePa
+    intake_closes_m: LengthM
     injector_kg_s: FlowKgS
     injector_dead_s: DeadTimeS
 

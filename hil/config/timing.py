@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import FIXED, Section, Tunable
-from hil.config.prototypes import DEFAULT
-from hil.config.ranges import DeadTimeS, FlowKgS
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -67,10 +65,3 @@ class ValvesKnowledge(Section):
     delay_max_s: Delay = 0.02
     dead_centre_lead_s: Delay = 0.25e-3
     gain: float = Field(default=0.05, ge=0.0, le=1.0)
-
-
-class InjectorKnowledge(Tunable):
-    """What the controller believes of the injectors."""
-
-    static_flow_kg_s: FlowKgS = DEFAULT.injector_kg_s
-    dead_time_s: DeadTimeS = DEFAULT.injector_dead_s

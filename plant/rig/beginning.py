@@ -17,21 +17,24 @@ from plant.engines.protocol import (
     Stop,
 )
 from plant.rig import air, charges, disturbances
-from plant.rig.actuation import Actuation, with_valves
+from plant.rig.actuation import Actuation, with_ports, with_valves
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
+from plant.rig.port import begun
 from plant.rig.state import DeadCentre, PlantState, Stroke
 from plant.rig.stroke import begin_at_once, expect, next_stroke, put
 from plant.rig.valves import SHUT
 
 
 def initial_state(
-    p: PlantParams, fuel_kg: float | None = None, load_coefficient_n_s_m: float | None = None
-) -> tuple[PlantState, tuple[Event, ...]]:
+    p: PlantParams, fuel_kg: float | None = None, load_coefficient_n_s_m: float | None = None,
+    stroke_s: float = 0.0,
+) -> tuple[PlantState, tuple[Event, ...]]:  # fmt: skip
     """Begin at rest when `fuel_kg` is None, else in the settled motion on that fuel.
 
+    Parameters: stroke_s : duration of a stroke of that motion, by which intake ports begin settled
     Returns: the state at t = 0, and the events of that instant
     Raises: ConfigError when the engine cannot begin so
     """
@@ -40,7 +43,11 @@ def initial_state(
     if fuel_kg is None:
         s = _at(p, p.engine.begin(None, load))
         return (s.but(pulses=with_valves(s.pulses, SHUT)) if p.valves.by_lines else s), ()
-    return _settled(p, fuel_kg, load)
+    s, events = _settled(p, fuel_kg, load)
+    if p.injector.wall is not None:
+        ports = begun(p.config.injector.film_kg or 0.0, fuel_kg, stroke_s * 1e9)
+        s = s.but(pulses=with_ports(s.pulses, ports))
+    return s, events
 
 
 def _at(p: PlantParams, motion: Motion) -> PlantState:

@@ -11,7 +11,6 @@ from hil.randoms import EFFICIENCY, INJECTOR, normal_pair, uniform
 from hil.rounding import nearest
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
 from plant.rig import actuation, disturbances
-from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
 from plant.rig.params import PlantParams
@@ -160,7 +159,7 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
         lit = Charge(fuel, eta, p.intake.lambda_of(trapped_kg(p, s), fuel))
     pulses = actuation.scavenge(s.pulses, p.injector, side, float(t_ns))
     # This spark stays known, so that its charge does not count as unlit.
-    pulses = Actuation(pulses.table, pulses.fuel_kg, s.pulses.spark_ns, pulses.valves)
+    pulses = actuation.with_sparks(pulses, s.pulses.spark_ns)
     return s.but(motion=motion, pulses=pulses, disturbances=d, lit=lit)
 
 

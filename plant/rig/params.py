@@ -7,7 +7,8 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from hil.config.plant import InjectorConfig, PlantConfig, SensorConfig
+from hil.config.injection import InjectorConfig
+from hil.config.plant import PlantConfig, SensorConfig
 from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
 from hil.values import Value
@@ -16,6 +17,7 @@ from plant.engines.protocol import Engine
 from plant.rig.actuation import Injector
 from plant.rig.air import Intake, intake_of
 from plant.rig.disturbances import Edge, compile_edges
+from plant.rig.port import wall_of
 from plant.rig.valves import ValveActuators, actuators_of
 
 SECOND_NS: Final = 1_000_000_000
@@ -69,12 +71,13 @@ class PlantParams(Value):
         self.intake = intake
 
 
-def injector_of(config: InjectorConfig) -> Injector:
-    """Return the injectors: both flows, with what each lacks of the nominal one."""
+def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
+    """Return the injectors: both flows, with what each lacks of the nominal one, and their port."""
     flow = config.static_flow_kg_s
     return Injector(
         (flow * config.flow_scale_left, flow * config.flow_scale_right),
         config.dead_time_s * SECOND_NS,
+        wall_of(config, half_stroke_m),
     )
 
 
@@ -112,7 +115,7 @@ def rig_params(
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
         spark_window_ns=config.spark_window_s * SECOND_NS,
-        injector=injector_of(config.injector),
+        injector=injector_of(config.injector, prototype.half_stroke_m),
         fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
         fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
         sensors=config.sensors,

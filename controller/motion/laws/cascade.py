@@ -63,8 +63,8 @@ class Cascade(Law[CascadeState]):
         """Fuel for the combustion at the end of this stroke."""
         point, motion, gains, ref_m = view.point, view.motion, self.config.cascade, view.tdc_ref_m
         v_max = gains.v_correction_max_m_s
-        e_m = state.ordered.for_dead_centre(ref_m) - motion.tdc_m
-        v_0 = point.v_mid_m_s * (state.ordered.for_mid_stroke(ref_m) / ref_m)
+        e_m = state.ordered.for_dead_centre(ref_m, view.lag) - motion.tdc_m
+        v_0 = point.v_mid_m_s * (state.ordered.for_mid_stroke(ref_m, view.lag) / ref_m)
         next_m = (
             point.gain_scale
             * (v_0 + state.outer.integral - motion.v_mid_m_s)
@@ -81,7 +81,7 @@ class Cascade(Law[CascadeState]):
             share,
         )  # fmt: skip
         even = balance.learnt(self.config.learning, state.balance, view, e_m)
-        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
+        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, view.fuel_side))
         demand = Demand(fuel_kg, v_ref, v.pd, v.i, fuel.pd, fuel.i)
         return CascadeState(outer, inner, state.ordered.and_now(ref_m), even, noise), demand
 

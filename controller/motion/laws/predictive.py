@@ -110,8 +110,12 @@ class Predictive(Law[PredictiveState]):
         )
         _, tau = believed.pass_mid(q, load.c, motion.tdc_m)
         end_m = believed.travel(q, load.c, 0.0, v_mid, tau)[0] + offset_m
-        wanted = believed.charge_for(load.c, end_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
-        asked = wanted / _at(share, ahead)
+        start_m = end_m
+        if view.lag and view.enclosed_kg > 0.0:  # a stroke on what is enclosed comes before
+            enclosed = _at(share, ahead) * view.enclosed_kg
+            start_m = believed.end_of(enclosed, load.c, end_m) + offset_m
+        wanted = believed.charge_for(load.c, start_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
+        asked = wanted / _at(share, view.fuel_side)
         fuel_kg = view.limited_kg(asked)
         demand = Demand(
             fuel_kg, view.point.v_mid_m_s, inner_p_kg=fuel_kg - view.point.fuel_kg,

@@ -63,7 +63,7 @@ class SingleLoop(Law[SingleLoopState]):
     def step(self, state: SingleLoopState, view: View) -> tuple[SingleLoopState, Demand]:
         """Fuel for the combustion at the end of this stroke, which begins stroke j + 2."""
         point, motion = view.point, view.motion
-        e_m = state.ordered.for_dead_centre(view.tdc_ref_m) - motion.tdc_m
+        e_m = state.ordered.for_dead_centre(view.tdc_ref_m, view.lag) - motion.tdc_m
         noise = state.noise.after(self.quiet, e_m, motion.side)
         loop, fuel = pid_step(
             self.config.single_loop.tdc, state.loop, point.gain_scale * e_m,
@@ -71,7 +71,7 @@ class SingleLoop(Law[SingleLoopState]):
             noise.share(self.quiet),
         )  # fmt: skip
         even = balance.learnt(self.config.learning, state.balance, view, e_m)
-        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, motion.side_ahead))
+        fuel_kg = view.limited_kg(even.shared(point.fuel_kg + fuel.u, view.fuel_side))
         demand = Demand(fuel_kg, inner_p_kg=fuel.pd, inner_i_kg=fuel.i)
         return SingleLoopState(loop, state.ordered.and_now(view.tdc_ref_m), even, noise), demand
 

@@ -45,7 +45,10 @@ _OF_THE_ENGINE: Final = {
         "peak_force_n": "peak_force_n",
         "start_force_n": "start_force_n",
     },
-    "cycle": {"ignition_from_head_m": "ignition_from_head_m"},
+    "cycle": {
+        "ignition_from_head_m": "ignition_from_head_m",
+        "intake_closes_m": "intake_closes_m",
+    },
 }
 """What a calibration takes from the engine where it states nothing else, by table and key."""
 
