@@ -63,6 +63,6 @@ def test_motoring_force_does_the_work_that_is_lacking(amplitude, x, v):
     assert motoring_force(NU, -x, -v, -1, amplitude) == pytest.approx(force)
 
 
-def test_motoring_force_never_brakes():
-    assert motoring_force(NU, 0.0, 5.0, 1, 0.0124) == 0.0
-    assert motoring_force(NU, 0.015, 0.0, 1, 0.0124) == 0.0
+def test_motoring_force_brakes_what_would_go_beyond_its_amplitude():
+    assert motoring_force(NU, 0.0, 5.0, 1, 0.0124) < 0.0
+    assert motoring_force(NU, 0.015, 0.0, 1, 0.0124) < 0.0
