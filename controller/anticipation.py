@@ -13,8 +13,8 @@ from controller.motion.prediction import dead_centre, seconds_ahead, unseen_dead
 from controller.observe.estimate import Motion, Observation
 from controller.state import Params, State
 from controller.supervisory import SetPoints
-from controller.timing.advance import plan_ahead
-from controller.timing.injection import plan_injection
+from controller.timing.advance import continued, plan_ahead, postponed
+from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import NO_PLAN, Plan
 from hil.rounding import nearest
 
@@ -56,11 +56,31 @@ def unasked(
     demand = _steady(params, set_points, fuelling)
     if state.ahead.fuel_kg > 0.0:
         return fuelling.demanding(demand.of(state.ahead.fuel_kg)), state.ahead
-    stroke_s = set_points.point.stroke_s
+    timings, motion, t_ns, period_ns = params.timings, seen.motion, seen.t_ns, params.period_ns
     plan = plan_injection(
-        params.timings, seen.motion, seen.t_ns, params.period_ns, stroke_s, demand.fuel_kg
+        timings, motion, t_ns, period_ns, set_points.point.stroke_s, demand.fuel_kg
     )
+    ends_ns = end_of_stroke(params, motion, set_points, fuelling)
+    if plan.injection is not None and plan.injection.close_ns > ends_ns:
+        # What flows behind the dead centre is there for the next charge of that side.
+        plan = retime_injection(timings, plan, ends_ns, t_ns, period_ns, demand.fuel_kg)
+        demand = demand.of(plan.fuel_kg)
     return fuelling.demanding(demand), plan
+
+
+def planned_by_law(
+    params: Params, state: State, seen: Observation, set_points: SetPoints, fuelling: Fuelling
+) -> Plan:
+    """Plan the injection that the law has asked for at mid-stroke."""
+    timings, period_ns = params.timings, params.period_ns
+    plan = plan_injection(
+        timings, seen.motion, seen.t_ns, period_ns, set_points.point.stroke_s,
+        fuelling.demand.fuel_kg,
+    )  # fmt: skip
+    plan = continued(timings, state.ahead, plan, seen.t_ns + timings.act_ticks * period_ns)
+    if seen.unheard:  # what is due soon would come too late
+        plan = postponed(timings, plan, end_of_stroke(params, seen.motion, set_points, fuelling))
+    return plan
 
 
 def ordered_ahead(
