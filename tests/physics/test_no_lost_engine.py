@@ -1,4 +1,4 @@
-"""What has lost an engine once: orders under way, gaps in the samples."""
+"""What has lost an engine once: orders under way, gaps in the samples, late injections."""
 
 import pytest
 
@@ -41,10 +41,9 @@ def test_an_observer_takes_no_gap_for_a_tick(begin):
     assert worst_mm(scenario, course) < 1.0
 
 
-@pytest.mark.parametrize("begin", [257, 261, 265])
+@pytest.mark.parametrize("begin", [259, 261])
 def test_a_charge_is_ordered_before_a_gap_however_late_orders_act(begin):
     settings = {"loop.rate_hz": 500, "plant.command_delay_ticks": 2, "controller.tdc_ref_m": 0.0141}
     scenario, course = course_of(settings, (Silence(begin, begin + 3),))
     assert course.mode == "generating"
-    assert all(event.code != "misfire" for event in course.events)
-    assert worst_mm(scenario, course) < 1.0
+    assert worst_mm(scenario, course) < 0.01
