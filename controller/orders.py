@@ -107,8 +107,8 @@ def machine_order(
 def _motored(params: Params, motion: Motion, tdc_ref_m: float) -> Machine:
     """Push in the direction of motion, as hard as the amplitude that is aimed at still asks for.
 
-    A charge that has burnt in part, and was taken for a misfire, may drive the piston further than
-    its set point: what it would exceed that by is braked away, F = c v.
+    A charge that has burnt in part, and was taken for a misfire, may drive the piston to the head:
+    what leads beyond half the way from set point to limit is braked away, F = c v.
     """
     start, engine, x, v = params.start, params.engine, motion.x_m, motion.v_m_s
     direction = -1.0 if motion.direction < 0 else 1.0
@@ -116,7 +116,8 @@ def _motored(params: Params, motion: Motion, tdc_ref_m: float) -> Machine:
         return Machine(MOTOR, direction * start.force_n)
     amplitude = start.amplitude_ratio * tdc_ref_m
     force_n = motoring_force(engine, x, v, direction, amplitude)
-    brake_n = -motoring_force(engine, x, v, direction, tdc_ref_m)
+    furthest_m = 0.5 * (tdc_ref_m + params.bounds.limit_m)
+    brake_n = -motoring_force(engine, x, v, direction, furthest_m)
     if brake_n <= 0.0:
         return Machine(MOTOR, direction * min(start.force_n, max(force_n, 0.0)))
     most_n_s_m = params.supervisor.full_load_n_s_m
