@@ -6,14 +6,13 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from controller.mode.start_restart import GENERATING, MOTORING, Mode
+from controller.mode.start_restart import GENERATING, Mode
 from controller.mode.start_restart import OFF as AT_REST
 from controller.timing.plan import PlannedPulse
 from hil.values import Value
 from hil.wire.fields import layout_of
 from hil.wire.messages import (
     GENERATOR,
-    MOTOR,
     OFF,
     ControllerTick,
     MachineCommand,
@@ -40,15 +39,13 @@ class Machine(Value):
         self.load_n_s_m = load_n_s_m
 
 
-def machine_for(mode: Mode, force_n: float, load_n_s_m: float, full_load_n_s_m: float) -> Machine:
-    """The machine's part in each operating mode; the safe state brakes at full load.
+def machine_for(mode: Mode, load_n_s_m: float, full_load_n_s_m: float) -> Machine:
+    """The machine's part in each mode but motoring; the safe state brakes at full load.
 
     Removing the load would not be safe: the piston would go on oscillating (thesis section 5.3).
     """
     if mode is GENERATING:
         return Machine(GENERATOR, 0.0, load_n_s_m)
-    if mode is MOTORING:
-        return Machine(MOTOR, force_n, 0.0)
     if mode is AT_REST:
         return Machine(OFF)
     return Machine(GENERATOR, 0.0, full_load_n_s_m)

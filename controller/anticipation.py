@@ -14,7 +14,8 @@ from controller.observe.estimate import Motion, Observation
 from controller.orders import inject
 from controller.state import Params, State
 from controller.supervisory import SetPoints
-from controller.timing.advance import plan_ahead
+from controller.timing.advance import continued, plan_ahead, postponed
+from controller.timing.injection import retime_injection
 from controller.timing.plan import NO_PLAN, Plan
 from hil.rounding import nearest
 
@@ -56,9 +57,29 @@ def unasked(
     demand = _steady(params, set_points, fuelling)
     if state.ahead.fuel_kg > 0.0:
         return fuelling.demanding(demand.of(state.ahead.fuel_kg)), state.ahead
-    stroke_s = set_points.point.stroke_s
-    plan = inject(params, state, seen.motion, seen.t_ns, stroke_s, state.plan, demand.fuel_kg)
+    motion, stroke_s = seen.motion, set_points.point.stroke_s
+    plan = inject(params, state, motion, seen.t_ns, stroke_s, state.plan, demand.fuel_kg)
+    ends_ns = end_of_stroke(params, motion, set_points, fuelling)
+    if params.port is None and plan.injection is not None and plan.injection.close_ns > ends_ns:
+        # What flows behind the dead centre is there for the next charge of that side.
+        timings, period_ns = params.timings, params.period_ns
+        plan = retime_injection(timings, plan, ends_ns, seen.t_ns, period_ns, demand.fuel_kg)
+        demand = demand.of(plan.fuel_kg)
     return fuelling.demanding(demand), plan
+
+
+def planned_by_law(
+    params: Params, state: State, seen: Observation, set_points: SetPoints, fuelling: Fuelling,
+    plan: Plan,
+) -> Plan:  # fmt: skip
+    """Plan the injection that the law has asked for at mid-stroke."""
+    timings, stroke_s = params.timings, set_points.point.stroke_s
+    fuel_kg = fuelling.demand.fuel_kg
+    plan = inject(params, state, seen.motion, seen.t_ns, stroke_s, plan, fuel_kg)
+    plan = continued(timings, state.ahead, plan, seen.t_ns + timings.act_ticks * params.period_ns)
+    if seen.unheard:  # what is due soon would come too late
+        plan = postponed(timings, plan, end_of_stroke(params, seen.motion, set_points, fuelling))
+    return plan
 
 
 def ordered_ahead(

@@ -94,9 +94,9 @@ def motoring_force(
     """Force in the direction of motion that makes the next dead centre lie at an amplitude [N].
 
     F (X - d x) = k0 (X^2 - x^2 - m v^2 / k0) / 2: the work that the air springs still lack
-    (thesis eq. 5.80 for k0; undamped, since the machine does not brake while motoring).
+    (thesis eq. 5.80 for k0; undamped). Negative where they hold more than that.
     """
     k0 = engine.rest_stiffness_n_m
     lacking = 0.5 * (k0 * (amplitude_m**2 - x_m**2) - engine.moving_mass_kg * v_m_s**2)
     way = max(amplitude_m - direction * x_m, 1e-3)
-    return max(lacking / way, 0.0)
+    return lacking / way

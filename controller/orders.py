@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from mypy_extensions import i64
 
 from controller import actuator
@@ -25,6 +27,8 @@ from hil.values import replace
 from hil.wire.commands import OperatorCommand
 from hil.wire.messages import GENERATOR, MOTOR
 from hil.wire.pulses import may_fire
+
+_CREEP_M_S: Final = 1e-3
 
 
 def obey(params: Params, state: State, command: OperatorCommand) -> tuple[State, Events]:
@@ -141,8 +145,8 @@ def machine_order(
     params: Params, driving: Drive, mode: Mode, seen: Observation, set_points: SetPoints,
     load_n_s_m: float,
 ) -> tuple[Drive, Machine]:  # fmt: skip
-    """The machine's order in this mode; motoring pushes in the direction of motion."""
-    motion, cycle, force = seen.motion, params.cycle, 0.0
+    """The machine's order in this mode."""
+    motion, cycle = seen.motion, params.cycle
     if cycle is not None and (mode is GENERATING or mode is MOTORING):
         if seen.passed.dead_centre:
             driving = drive.learn(cycle, driving, motion, set_points.tdc_ref_m)
@@ -152,12 +156,26 @@ def machine_order(
             return driving, Machine(GENERATOR, 0.0, load_n_s_m)
         return driving, Machine(MOTOR, driving.force_n)
     if mode is MOTORING:
-        start = params.start
-        direction = -1.0 if motion.direction < 0 else 1.0
-        amplitude = start.amplitude_ratio * set_points.tdc_ref_m
-        force = direction * start.force_n
-        if not start.constant_force:
-            force = direction * min(start.force_n, motoring_force(
-                params.engine, motion.x_m, motion.v_m_s, direction, amplitude))  # fmt: skip
+        return driving, _motored(params, motion, set_points.tdc_ref_m)
     full_load = params.supervisor.full_load_n_s_m
-    return driving, actuator.machine_for(mode, force, load_n_s_m, full_load)
+    return driving, actuator.machine_for(mode, load_n_s_m, full_load)
+
+
+def _motored(params: Params, motion: Motion, tdc_ref_m: float) -> Machine:
+    """Push in the direction of motion, as hard as the amplitude that is aimed at still asks for.
+
+    A charge that has burnt in part, and was taken for a misfire, may drive the piston to the head:
+    what leads beyond half the way from set point to limit is braked away, F = c v.
+    """
+    start, engine, x, v = params.start, params.engine, motion.x_m, motion.v_m_s
+    direction = -1.0 if motion.direction < 0 else 1.0
+    if start.constant_force:
+        return Machine(MOTOR, direction * start.force_n)
+    amplitude = start.amplitude_ratio * tdc_ref_m
+    force_n = motoring_force(engine, x, v, direction, amplitude)
+    furthest_m = 0.5 * (tdc_ref_m + params.bounds.limit_m)
+    brake_n = -motoring_force(engine, x, v, direction, furthest_m)
+    if brake_n <= 0.0:
+        return Machine(MOTOR, direction * min(start.force_n, max(force_n, 0.0)))
+    most_n_s_m = params.supervisor.full_load_n_s_m
+    return Machine(GENERATOR, 0.0, min(brake_n / max(abs(v), _CREEP_M_S), most_n_s_m))

@@ -12,7 +12,7 @@ from typing import Any, Final
 from mypy_extensions import i64
 
 from controller import actuator, safety
-from controller.anticipation import braking, end_of_stroke, ordered_ahead, turned, unasked
+from controller.anticipation import braking, ordered_ahead, planned_by_law, turned, unasked
 from controller.mode.combustion import has_misfired
 from controller.mode.operation import decide, is_uneventful
 from controller.mode.start_restart import GENERATING, MOTORING, Mode
@@ -26,11 +26,11 @@ from controller.observe.estimate import (
     observe,
     seconds_to_dead_centre,
 )
-from controller.orders import filmed, inject, machine_order, obey, reinject, with_valves
+from controller.orders import filmed, machine_order, obey, reinject, with_valves
 from controller.state import Inputs, Output, Params, State, report_of, view_of
 from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position
-from controller.timing.advance import is_far, postponed
+from controller.timing.advance import is_far
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse
 from controller.timing.spark import may_move, plan_spark
 from hil.rounding import nearest
@@ -149,13 +149,7 @@ def _fuel(
     view = view_of(params, seen.motion, seen.passed, set_points, fuelling, power_w, plan.fuel_kg)
     if due:
         fuelling = _asked(params, state, fuelling, view, set_points.most_kg)
-        plan = inject(
-            params, state, seen.motion, seen.t_ns, view.point.stroke_s, plan,
-            fuelling.demand.fuel_kg,
-        )  # fmt: skip
-        if seen.unheard:  # what is due soon would come too late
-            ends_ns = end_of_stroke(params, seen.motion, set_points, fuelling)
-            plan = postponed(params.timings, plan, ends_ns)
+        plan = planned_by_law(params, state, seen, set_points, fuelling, plan)
     if not watches:
         return fuelling, plan, set_points.load_n_s_m
     return _trimmed(params, law, fuelling, plan, view, set_points.most_kg, state)

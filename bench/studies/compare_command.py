@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,7 +77,19 @@ def run_survey(wanted: Survey) -> int:
     if file is not None:
         file.check(".json")
     files = None if out is None else outdir.claim("--out", out, FILES, force=force)
-    rows = survey.survey(survey.tasks(laws, engines, extent, changes), workers)
+    finished: list[survey.Row] = []
+    try:
+        survey.survey(survey.tasks(laws, engines, extent, changes), workers, finished.append)
+    finally:  # of an interrupted one what there is
+        if finished:
+            _tell(survey.in_order(finished), file, files)
+    return 0
+
+
+def _tell(
+    rows: list[survey.Row], file: Output | None, files: Sequence[Output] | None
+) -> None:  # fmt: skip
+    """Print and write the rows that are finished."""
     text = survey_page.table(rows)
     Console(highlight=False).print(text, markup=False, soft_wrap=True)
     if file is not None:
@@ -85,4 +98,3 @@ def run_survey(wanted: Survey) -> int:
         page, listed = files
         listed.write(text)
         survey_page.write_page(rows, page)
-    return 0

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any, Final, NamedTuple, get_args
 
 from bench.judge.response import Response
@@ -19,6 +17,7 @@ from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.studies.bound import Informed
 from bench.studies.compare import NO_CONTROL, Tree, bound_of, least_sigma_mm
+from bench.studies.pool import worker_pool
 from controller.motion.laws import LAWS
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
@@ -108,17 +107,22 @@ def tasks(
 def survey(
     todo: Sequence[Task], workers: int, advance: Callable[[Row], None] = lambda _: None
 ) -> list[Row]:
-    """Fill in all rows, in the order of engines, rates and laws; `advance` is told each."""
+    """Fill in all rows, in the order of engines, rates and laws; `advance` is told each before."""
     rows = []
     asked = sorted({(task.engine, task.extent, task.changes, known)
                     for task in todo for known in get_args(Informed)}, key=str)  # fmt: skip
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with worker_pool(workers) as pool:
         worst = dict(zip(asked, pool.map(bound_row, asked), strict=True))
         for task, found in zip(todo, pool.map(row_of, todo), strict=True):
             known = known_to(task.law)
             peak, settling, sigma = worst[task.engine, task.extent, task.changes, known]
             rows.append(found._replace(bound_mm=peak, bound_ms=settling, sigma_least_mm=sigma))
             advance(rows[-1])
+    return in_order(rows)
+
+
+def in_order(rows: Iterable[Row]) -> list[Row]:
+    """Rows by engine, rate and law."""
     order = {name: place for place, name in enumerate(LAWS)}
     engines = {tuple(engine): place for place, engine in enumerate(ENGINES)}
     return sorted(rows, key=lambda row: (

@@ -31,14 +31,20 @@ def plan_ahead(
 ) -> Plan:  # fmt: skip
     """Place injection and spark for a predicted dead centre [ns].
 
-    Nothing is ordered that could be due before the law's own order is sure to have replaced it.
+    Nothing is ordered that could be due before the law's own order is sure to have replaced it;
+    where orders are delayed, that could flow before the law's own closing acts.
     """
     duration_us = timings.dead_time_s * 1e6 + fuel_kg / timings.static_flow_kg_s * 1e6
     duration_ns = max(nearest(duration_us), 1) * US
     low_by_ns = dead_centre_ns - nearest(timings.injection_margin_s * 1e9) - EARLIER_NS
     open_ns = whole_us(low_by_ns - duration_ns)
     mid_ns = motion.dc_t_ns + nearest(0.5e9 * stroke_s)
-    if open_ns < mid_ns + (timings.injection_lead_ticks + timings.act_ticks + 1) * period_ns:
+    if timings.act_ticks > 1:
+        flows_ns = open_ns + nearest(timings.dead_time_s * 1e9)
+        is_early = flows_ns < mid_ns + (timings.act_ticks + 1) * period_ns
+    else:
+        is_early = open_ns < mid_ns + (timings.injection_lead_ticks + 2) * period_ns
+    if is_early:
         return NO_PLAN
     spark_ns = whole_us(dead_centre_ns - nearest(timings.spark_advance_s * 1e9))
     lasts_ns = nearest(timings.spark_duration_s * 1e6) * US
@@ -47,6 +53,15 @@ def plan_ahead(
         PlannedPulse(INJECTOR_LEFT + side, open_ns, duration_ns),
         PlannedPulse(_SPARK + side, spark_ns, lasts_ns), fuel_kg,
     )  # fmt: skip
+
+
+def continued(timings: Timings, ahead: Plan, plan: Plan, acts_ns: i64) -> Plan:
+    """Let an injection go on that opens before a new order acts: that gives it its closing."""
+    old, new = ahead.injection, plan.injection
+    if old is None or new is None or old.open_ns >= acts_ns:
+        return plan
+    close_ns = max(old.open_ns + new.duration_ns, acts_ns)
+    return Plan(PlannedPulse(old.channel, old.open_ns, close_ns - old.open_ns), None, plan.fuel_kg)
 
 
 def postponed(timings: Timings, plan: Plan, dead_centre_ns: i64) -> Plan:

@@ -8,16 +8,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 from typing import Any
 
 from bench.studies.atlas.entries import ENTRIES
 from bench.studies.atlas.entry import Entry, Finding, Found
+from bench.studies.pool import worker_pool
 from bench.web.chart import Chart, Level, Series
 from hil import compiled
 from hil.errors import HilError, RunError
@@ -71,18 +71,13 @@ def _computed(
     """Results as they come."""
     if not todo:
         return
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([ENTRIES_MODULE])
-    pool = ProcessPoolExecutor(min(workers, len(todo)), mp_context=context)
-    try:
+    with worker_pool(min(workers, len(todo)), preload=[ENTRIES_MODULE]) as pool:
         pending = {pool.submit(work, entry.id, quick): entry for entry in todo}
         while pending:
             finished, _ = wait(pending, return_when=FIRST_COMPLETED)
             for future in finished:
                 entry = pending.pop(future)
                 yield (entry, *_result(entry, future))
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _result(entry: Entry, future: Future[tuple[Found, float]]) -> tuple[Found, float]:

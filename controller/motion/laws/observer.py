@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, final
 
+from mypy_extensions import i64
+
 from controller.motion.charge import (
     AS_BELIEVED,
     NOTHING_FORESEEN,
@@ -25,6 +27,7 @@ from controller.motion.charge import (
 from controller.motion.deadbeat import at_dead_centre, fuel_after
 from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
 from controller.motion.maps.stroke_map import StrokeMap
+from controller.observe.estimate import SHOWN_NS, Motion
 from hil.config.controller import ControllerConfig
 from hil.config.motion.laws import ObserverConfig
 from hil.values import Value, replace
@@ -33,6 +36,9 @@ _LEAST: Final = 0.2
 _MOST: Final = 4.0
 _WORST_SHARE: Final = 9.0
 _END_MOVED_M: Final = 20e-6
+_SHOWN_TICKS: Final = 1.5
+"""Over more than this the momentum is not told by the two positions."""
+_SHOWN_S: Final = SHOWN_NS * 1e-9
 
 
 @final
@@ -83,14 +89,17 @@ class ObserverState(Value):
     """The estimate, what was learnt, what is foreseen, and what the fuel was set for.
 
     begun: whether this stroke has been followed from its dead centre on
+    seen_ns: the sample that the estimate has followed last
     """
 
-    __slots__ = ("estimate", "begun", "charge", "forecast", "fuel_for_n_s_m", "fuel_for_m")
+    __slots__ = (
+        "estimate", "begun", "charge", "forecast", "fuel_for_n_s_m", "fuel_for_m", "seen_ns",
+    )  # fmt: skip
 
     def __init__(
         self, estimate: Estimate = _NOTHING_KNOWN, begun: bool = False,
         charge: Charge = AS_BELIEVED, forecast: Forecast = NOTHING_FORESEEN,
-        fuel_for_n_s_m: float = 0.0, fuel_for_m: float = 0.0,
+        fuel_for_n_s_m: float = 0.0, fuel_for_m: float = 0.0, seen_ns: i64 = -1,
     ) -> None:  # fmt: skip
         self.estimate = estimate
         self.begun = begun
@@ -98,6 +107,7 @@ class ObserverState(Value):
         self.forecast = forecast
         self.fuel_for_n_s_m = fuel_for_n_s_m
         self.fuel_for_m = fuel_for_m
+        self.seen_ns = seen_ns
 
 
 @final
@@ -141,8 +151,9 @@ class Observer(Law[ObserverState]):
         """The steady fuel, until the watch trims it in the same tick."""
         demand = Demand(first_fuel(state.charge, view), view.point.v_mid_m_s)
         after = ObserverState(
-            state.estimate, state.begun, state.charge, state.forecast, 0.0, state.fuel_for_m
-        )
+            state.estimate, state.begun, state.charge, state.forecast, 0.0, state.fuel_for_m,
+            state.seen_ns,
+        )  # fmt: skip
         return after, demand
 
     def watch(
@@ -155,10 +166,13 @@ class Observer(Law[ObserverState]):
             return state, NO_TRIM
         motion, learnt, load = view.motion, state.charge, view.load_n_s_m
         believed = learnt.map_of(view)
-        now = follow(
-            self.filter, believed, state.estimate, motion.z_m, motion.speed_m_s, motion.tau_s,
-            view.dt_s,
-        )  # fmt: skip
+        if float(motion.t_ns - state.seen_ns) * 1e-9 > _SHOWN_TICKS * view.dt_s:
+            now = resumed(state.estimate, motion)
+        else:
+            now = follow(
+                self.filter, believed, state.estimate, motion.z_m, motion.speed_m_s, motion.tau_s,
+                view.dt_s,
+            )  # fmt: skip
         if not _LEAST * load < now.c < _MOST * load:
             now = replace(now, c=load, p=Covariance(qq=now.p.qq))
         fuel_for_c, fuel_for_m, trim = state.fuel_for_n_s_m, state.fuel_for_m, NO_TRIM
@@ -168,7 +182,10 @@ class Observer(Law[ObserverState]):
             if not same_load or abs(end_m - fuel_for_m) > _END_MOVED_M:
                 fuel_for_c, fuel_for_m = now.c, end_m
                 trim = Trim(fuel_after(view, learnt, now.c, end_m, planned_kg))
-        return ObserverState(now, True, learnt, state.forecast, fuel_for_c, fuel_for_m), trim
+        after = ObserverState(
+            now, True, learnt, state.forecast, fuel_for_c, fuel_for_m, motion.t_ns
+        )
+        return after, trim
 
     def _begin(self, state: ObserverState, view: View) -> ObserverState:
         """At a dead centre: v was nought there, the charge is what was asked for, about."""
@@ -184,11 +201,14 @@ class Observer(Law[ObserverState]):
         spread = self.filter.charge_spread * q
         p = Covariance(cc=before.p.cc, qq=spread * spread)
         begun = Estimate(0.0, c, q, p, -motion.tdc_m, before.noise_m2_s2)
-        now = follow(
-            self.filter, learnt.map_of(view), begun, motion.z_m, motion.speed_m_s, motion.tau_s,
-            motion.tau_s,
-        )  # fmt: skip
-        return ObserverState(now, True, learnt, forecast)
+        if motion.tau_s > max(_SHOWN_TICKS * view.dt_s, _SHOWN_S):
+            now = resumed(begun, motion)
+        else:
+            now = follow(
+                self.filter, learnt.map_of(view), begun, motion.z_m, motion.speed_m_s, motion.tau_s,
+                motion.tau_s,
+            )  # fmt: skip
+        return ObserverState(now, True, learnt, forecast, seen_ns=motion.t_ns)
 
     def load_of(self, state: ObserverState, load_n_s_m: float) -> float:
         """The one observed."""
@@ -199,8 +219,9 @@ class Observer(Law[ObserverState]):
         return ObserverState(Estimate(p=_TAKEN_OVER), charge=UNALIGNED)
 
     def restarted(self, state: ObserverState) -> ObserverState:
-        """Keep what was learnt; follow the motion from the next dead centre on."""
-        return ObserverState(state.estimate, False, state.charge)
+        """Keep what was learnt, but no load: the stroke without a charge has spoilt it."""
+        noise = state.estimate.noise_m2_s2
+        return ObserverState(Estimate(noise_m2_s2=noise), False, state.charge)
 
 
 def _aligned(learning: Learning, state: ObserverState, view: View) -> ObserverState:
@@ -216,6 +237,12 @@ def _aligned(learning: Learning, state: ObserverState, view: View) -> ObserverSt
     c = view.believed.load_of_cycle(mean, view.tdc_ref_m, view.load_n_s_m)
     known = replace(known, share=(mean / left, mean / right))
     return replace(state, estimate=replace(state.estimate, c=c), charge=known)
+
+
+def resumed(now: Estimate, motion: Motion) -> Estimate:
+    """The estimate behind a gap in the samples: the velocity as it is measured, all else kept."""
+    p = Covariance(vv=now.noise_m2_s2, cc=now.p.cc, cq=now.p.cq, qq=now.p.qq)
+    return Estimate(motion.speed_m_s, now.c, now.q, p, motion.z_m, now.noise_m2_s2)
 
 
 def follow(
