@@ -133,7 +133,7 @@ def xcp(
 
         file = Output("--a2l", a2l, force)
         file.check(".a2l")
-        file.write(description.text())
+        file.write(description.text(port))
         raise typer.Exit(0)
     from bench.live.xcp import server
 

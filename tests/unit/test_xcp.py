@@ -1,12 +1,18 @@
 """The XCP slave: what a master asks for is what it gets, and nothing else."""
 
+import socket
 import struct
+import subprocess
+import sys
+import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.live.xcp import a2l
 from bench.live.xcp.addresses import address_of, places
+from bench.live.xcp.server import Server
 from bench.live.xcp.slave import Slave
 from hil.log import topics
 from hil.names.parameters import live
@@ -27,6 +33,12 @@ class Target:
         if self.takes:
             self.values[place.parameter.key] = value
         return self.takes
+
+    def period_us(self, side):
+        return {"plant": 1000, "controller": 200}[side]
+
+    def description(self):
+        return a2l.text(7777)
 
 
 @pytest.fixture
@@ -74,6 +86,29 @@ def test_a_signal_cannot_be_written_and_nothing_is_where_nothing_is(slave):
     assert slave.answer(b"\xc0") == b"\xfe\x20"
     assert slave.answer(b"\xf6") == b"\xfe\x21"
     assert slave.answer(b"\xfc") == b"\xfe\x00"
+
+
+def uploaded(slave, size):
+    data = b""
+    while len(data) < size:
+        count = min(254, size - len(data))
+        answer = slave.answer(bytes([0xF5, count]))
+        assert answer[:1] == b"\xff"
+        data += answer[1:]
+    return data
+
+
+def test_the_slave_hands_out_its_own_description(slave):
+    _, mode, _, size = struct.unpack("<BBHI", slave.answer(b"\xfa\x04"))
+    assert mode == 0
+    assert uploaded(slave, size).decode() == a2l.text(7777)
+
+
+def test_events_have_the_name_and_the_period_of_their_process(slave):
+    for number, name, cycle, unit in ((0, b"plant", 100, 4), (1, b"controller", 200, 3)):
+        answer = ask(slave, "BBH", 0xD7, 0, number)
+        assert answer[1:] == bytes([0x04, 0xFF, len(name), cycle, unit, 0])
+        assert uploaded(slave, len(name)) == name
 
 
 def test_before_a_connection_nothing_is_answered():
@@ -140,3 +175,69 @@ def test_the_a2l_file_has_every_number_at_its_address():
     numbers = [p for side in ("plant", "controller") for p in live(side).values()
                if p.kind in ("number", "boolean")]  # fmt: skip
     assert text.count("/begin CHARACTERISTIC") == len(numbers)
+
+
+def test_the_a2l_file_is_what_calibration_tools_accept(tmp_path):
+    tool = Path(sys.executable).with_name("a2ltool")
+    if not tool.exists():
+        pytest.skip("needs a2ltool (extra test)")
+    file = tmp_path / "hil.a2l"
+    file.write_text(a2l.text(7777))
+    done = subprocess.run(
+        [tool, "--check", "--strict", file], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "No problems found" in done.stdout
+    if_data = file.read_text().partition("/begin IF_DATA XCP")[2].partition("/end IF_DATA")[0]
+    assert 'XCP_ON_UDP_IP 0x0100 7777 ADDRESS "127.0.0.1"' in if_data
+    commands = {0xFB: "GET_COMM_MODE_INFO", 0xD3: "ALLOC_ODT_ENTRY", 0xED: "SHORT_DOWNLOAD"}
+    assert set(commands) <= set(Slave(Target())._commands)
+    assert all(f"OPTIONAL_CMD {name}" in if_data for name in commands.values())
+
+
+class Bench(Target):
+    """An engine that records nothing, and ends when it is told."""
+
+    def __init__(self):
+        super().__init__()
+        self.ended, self.port = False, 0
+
+    def rows(self, _side):
+        return {}
+
+
+@pytest.fixture
+def port():
+    """Where a slave serves."""
+    bench = Bench()
+    server = Server(bench, 0)
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    yield server.port
+    bench.ended = True
+    thread.join()
+    server.close()
+
+
+def sent(connection, packet):
+    """Send a command as it goes over Ethernet; returns the response, empty when there is none."""
+    connection.settimeout(5.0 if packet[0] == 0xFF else 1.0)
+    connection.send(struct.pack("<HH", len(packet), 0) + packet)
+    try:
+        return connection.recv(2000)[4:]
+    except TimeoutError:
+        return b""
+
+
+def test_who_connected_last_is_served_whoever_else_comes_and_goes(port):
+    stream = socket.create_connection(("127.0.0.1", port))
+    assert sent(stream, b"\xff\x00")[:1] == b"\xff"
+    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with stream, datagrams:
+        datagrams.connect(("127.0.0.1", port))
+        assert sent(datagrams, b"\xfd") == b""
+        assert sent(datagrams, b"\xff\x00")[:1] == b"\xff"
+        assert sent(datagrams, b"\xd5\x00\x03\x00") == b"\xff"
+        assert sent(stream, b"\xfd") == b""
+        stream.close()
+        assert sent(datagrams, b"\xd4\x00\x02\x00\x01") == b"\xff"  # its lists are still there

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
+from bench.live.xcp import if_data
 from bench.live.xcp.addresses import TYPES, Place, places
 from hil.names.leaves import Parameter
 from hil.names.signals import Signal
@@ -16,8 +18,12 @@ _RANGES = {
 _FLOAT = "-1.7976931348623157e+308 1.7976931348623157e+308"
 
 
-def text() -> str:
-    """Return the file."""
+DEFAULT_PORT: Final = 5555
+"""That of the standard."""
+
+
+def text(port: int = DEFAULT_PORT) -> str:
+    """Return the file for a slave at a port."""
     body = "\n".join(line for place in places().values() for line in _entry(place))
     return f"""ASAP2_VERSION 1 71
 /begin PROJECT fpeg_hil "Hardware-in-the-loop bench for a free-piston engine generator"
@@ -25,6 +31,8 @@ def text() -> str:
     /begin MOD_COMMON "Little endian"
       BYTE_ORDER MSB_LAST
     /end MOD_COMMON
+{if_data.a2ml()}
+{if_data.text(port)}
     /begin RECORD_LAYOUT FLOAT64
       FNC_VALUES 1 FLOAT64_IEEE COLUMN_DIR DIRECT
     /end RECORD_LAYOUT

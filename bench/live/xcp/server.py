@@ -10,15 +10,17 @@ import selectors
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from bench.live.engines import Engine, engine_of
 from bench.live.ports import HOST, bound
 from bench.live.steer import Operator, set_parameters, values_of
+from bench.live.xcp import a2l
 from bench.live.xcp.addresses import Place
 from bench.live.xcp.daq import EVENTS
+from bench.live.xcp.limits import MAX_DTO
 from bench.live.xcp.slave import Slave
 from drivers.recorder.tap import Tap
 from hil.errors import HilError, LinkError
@@ -26,12 +28,18 @@ from hil.errors import HilError, LinkError
 _HEAD: Final = struct.Struct("<HH")
 _POLL_S: Final = 0.01
 _MOST_BYTES: Final = 4096
+_MOST_SENT: Final = MAX_DTO + _HEAD.size
+"""Bytes of a message: what an Ethernet frame holds, and the longest packet."""
+
+_CONNECT: Final = 0xFF
+_BUSY: Final = bytes([0xFE, 0x10])
 
 
 class Bench:
     """The engine, as the slave sees it: newest records, parameters over the command path."""
 
     def __init__(self, engine: Engine) -> None:
+        self.port = 0
         self.taps = {side: Tap.join(engine.records_of(side)) for side in ("plant", "controller")}
         self._operator: Operator = engine.operator("hil xcp")
         self._newest: dict[tuple[str, str], Any] = {}
@@ -72,11 +80,26 @@ class Bench:
             return False
         return all(answer.taken for answer in answers)
 
+    def period_us(self, side: str) -> int:
+        """Return how far the ticks of a process are apart."""
+        return round(1e6 / max(self.taps[side].rate_hz, 1))
+
+    def description(self) -> str:
+        """Return the A2L file of this slave."""
+        return a2l.text(self.port)
+
     def close(self) -> None:
         """Leave."""
         self._operator.close()
         for tap in self.taps.values():
             tap.close()
+
+
+class Master(NamedTuple):
+    """Who measures and calibrates: where it is, and what sends to it."""
+
+    where: object
+    send: Callable[[bytes], object]
 
 
 class Server:
@@ -85,11 +108,12 @@ class Server:
     def __init__(self, bench: Bench, port: int) -> None:
         self._bench = bench
         self._slave = Slave(bench)
-        self._send: Callable[[bytes], None] | None = None
+        self._master: Master | None = None
         self._count = 0
         self._selector = selectors.DefaultSelector()
         self._listener = bound(port)
         self.port: int = self._listener.getsockname()[1]
+        bench.port = self.port
         self._datagrams = bound(self.port, socket.SOCK_DGRAM)
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
         self._selector.register(self._datagrams, selectors.EVENT_READ, self._datagram)
@@ -107,31 +131,40 @@ class Server:
 
     def _measure(self, side: str) -> None:
         rows = self._bench.rows(side)
-        if self._send is None:
-            return
-        for packet in self._slave.packets(side, rows):
-            self._transmit(packet)
+        self._transmit(self._slave.packets(side, rows))
 
-    def _transmit(self, packet: bytes) -> None:
-        """Send a packet; a master that takes none is left."""
-        if self._send is None:
+    def _transmit(self, packets: Iterable[bytes]) -> None:
+        """Send packets, as many as fit in each message; a master that takes none is left."""
+        waiting = b""
+        for packet in packets:
+            if len(waiting) + _HEAD.size + len(packet) > _MOST_SENT:
+                self._send(waiting)
+                waiting = b""
+            waiting += _HEAD.pack(len(packet), self._count) + packet
+            self._count = self._count + 1 & 0xFFFF
+        if waiting:
+            self._send(waiting)
+
+    def _send(self, message: bytes) -> None:
+        if self._master is None:
             return
-        message = _HEAD.pack(len(packet), self._count) + packet
-        self._count = self._count + 1 & 0xFFFF
         try:
-            self._send(message)
+            self._master.send(message)
         except OSError:
-            self._leave()
+            self._leave(self._master.where)
 
-    def _leave(self) -> None:
-        self._send = None
-        self._slave = Slave(self._bench)
+    def _leave(self, where: object) -> None:
+        """Forget a master, if it is the one that is served."""
+        if self._master is not None and self._master.where == where:
+            self._master = None
+            self._slave = Slave(self._bench)
 
     def _accept(self) -> None:
-        connection, _ = self._listener.accept()
+        connection, sender = self._listener.accept()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.settimeout(1.0)
         received = bytearray()
+        master = Master(("TCP", sender), connection.sendall)
 
         def take() -> None:
             try:
@@ -141,10 +174,10 @@ class Server:
             if not data:
                 self._selector.unregister(connection)
                 connection.close()
-                self._leave()
+                self._leave(master.where)
                 return
             received.extend(data)
-            self._answer(received, connection.sendall)
+            self._hear(received, master)
 
         self._selector.register(connection, selectors.EVENT_READ, take)
 
@@ -154,9 +187,9 @@ class Server:
         def send(message: bytes) -> None:
             self._datagrams.sendto(message, sender)
 
-        self._answer(bytearray(data), send)
+        self._hear(bytearray(data), Master(("UDP", sender), send))
 
-    def _answer(self, received: bytearray, send: Callable[[bytes], None]) -> None:
+    def _hear(self, received: bytearray, master: Master) -> None:
         """Answer every whole command among the bytes."""
         while len(received) >= _HEAD.size:
             length, _ = _HEAD.unpack_from(received)
@@ -164,14 +197,19 @@ class Server:
                 return
             packet = bytes(received[_HEAD.size : _HEAD.size + length])
             del received[: _HEAD.size + length]
-            if packet[0] == 0xFF:
-                self._count = 0
-            self._send = send
-            try:
-                response = self._slave.answer(packet)
-            except LinkError:
-                response = bytes([0xFE, 0x10])
-            self._transmit(response)
+            self._answer(packet, master)
+
+    def _answer(self, packet: bytes, master: Master) -> None:
+        """Answer a command; one who has not connected, or not last, hears nothing."""
+        if packet[0] == _CONNECT:
+            self._count, self._master, self._slave = 0, master, Slave(self._bench)
+        if self._master is None or self._master.where != master.where:
+            return
+        try:
+            response = self._slave.answer(packet)
+        except LinkError:
+            response = _BUSY
+        self._transmit([response])
 
     def close(self) -> None:
         """Give both sockets back."""

@@ -12,9 +12,8 @@ from typing import Final, Protocol
 
 from bench.live.xcp.addresses import STRIDE, Place, places
 from bench.live.xcp.daq import EVENTS, DaqList, Rows
+from bench.live.xcp.limits import MAX_CTO, MAX_DTO
 
-MAX_CTO: Final = 255
-MAX_DTO: Final = 1400
 _MOST_ODTS: Final = 0xFC
 _MOST_LISTS: Final = 32
 _RESOURCES: Final = 0x05
@@ -23,6 +22,7 @@ _RESOURCES: Final = 0x05
 _SYNCH, _BUSY, _UNKNOWN, _SYNTAX, _RANGE = 0x00, 0x10, 0x20, 0x21, 0x22
 _ACCESS, _SEQUENCE, _MEMORY = 0x24, 0x29, 0x30
 _OK: Final = b"\xff"
+_A2L_FILE: Final = 4
 
 
 class XcpError(Exception):
@@ -42,6 +42,12 @@ class Target(Protocol):
     def write(self, place: Place, value: float | bool) -> bool:
         """Change a parameter; whether that was taken."""
 
+    def period_us(self, side: str) -> int:
+        """Return how far the ticks of a process are apart."""
+
+    def description(self) -> str:
+        """Return the A2L file."""
+
 
 class Slave:
     """One master at a time."""
@@ -52,6 +58,7 @@ class Slave:
         self._target = target
         self._address = 0
         self._pending = b""
+        self._text = b""  # what is uploaded next, in place of what is at the address
         self._pointer = (0, 0, 0)
         self._commands: Mapping[int, Callable[[bytes], bytes]] = {
             0xFF: self._connect, 0xFE: self._disconnect, 0xFD: self._status, 0xFC: self._synch,
@@ -102,15 +109,21 @@ class Slave:
         return struct.pack("<BBBBBBBB", 0xFF, 0, 0, 0, 0, 0, 0, 0x10)
 
     def _identify(self, packet: bytes) -> bytes:
+        if packet[1] == _A2L_FILE:
+            self._text = self._target.description().encode()
+            return struct.pack("<BBHI", 0xFF, 0, 0, len(self._text))
         name = b"fpeg-hil" if packet[1] in (0, 1) else b""
         return struct.pack("<BBHI", 0xFF, 1, 0, len(name)) + name
 
     def _set_address(self, packet: bytes) -> bytes:
         (self._address,) = struct.unpack_from("<I", packet, 4)
-        self._pending = b""
+        self._pending = self._text = b""
         return _OK
 
     def _upload(self, packet: bytes) -> bytes:
+        if self._text:
+            data, self._text = self._text[: packet[1]], self._text[packet[1] :]
+            return _OK + data
         data = self._bytes_at(self._address, packet[1])
         self._address += len(data)
         return _OK + data
@@ -267,9 +280,17 @@ class Slave:
         (number,) = struct.unpack_from("<H", packet, 2)
         if number >= len(EVENTS):
             raise XcpError(_RANGE)
-        name = EVENTS[number].encode()
-        self._name = name
-        return struct.pack("<BBBBBBB", 0xFF, 0x04, 0xFF, 0, 1, 6, 0)
+        self._text = EVENTS[number].encode()
+        cycle, unit = _cycle(self._target.period_us(EVENTS[number]))
+        return struct.pack("<BBBBBBB", 0xFF, 0x04, 0xFF, len(self._text), cycle, unit, 0)
+
+
+def _cycle(period_us: int) -> tuple[int, int]:
+    """A period as a number of at most 255 and the unit it counts in: 1 us, 10 us, 100 us ..."""
+    unit = 3
+    while period_us > 255:
+        period_us, unit = round(period_us / 10), unit + 1
+    return period_us, unit
 
 
 def _place(address: int) -> Place:
