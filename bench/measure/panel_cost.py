@@ -3,7 +3,8 @@
 `python -m bench.measure.panel_cost [SECONDS]`. The phases take turns, so that the machine's moods
 meet all of them: nobody looks on, three clients that read and drop, and one Chromium where there
 is one. One viewer of twenty signals then gives the server's processor use, and set points the time
-from a click to the answer that names the tick.
+from a click to the tick in which it acts and to the answer; beside it, by turns, what the same
+order takes that goes over the command key alone, without a panel.
 """
 
 from __future__ import annotations
@@ -17,17 +18,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from bench.live.engines import engine_of
+from drivers.zenoh.channels import ZenohOperator
 from hil import log as logs
 
 PHASES: Final = ("nobody", "three viewers", "Chromium")
 _TURNS: Final = 4
 _CLICKS: Final = 60
+_PAUSE_S: Final = 0.037
 _SIGNALS: Final = (
     *(f"plant.truth.{name}" for name in ("x_m", "v_m_s", "load_coefficient_n_s_m", "dc_x_m")),
     *(f"plant.sensor.{name}" for name in ("x_m", "v_m_s", "p_left_pa", "p_right_pa",
@@ -47,16 +51,26 @@ class Phase(NamedTuple):
     end_s: float
 
 
+class Click(NamedTuple):
+    """An order: when it was given and answered [s of the monotonic clock], and where it acts."""
+
+    begun_s: float
+    answered_s: float
+    tick: int
+
+
 class Found(NamedTuple):
     """What the phases and the one viewer gave.
 
-    share: of a core, of the server with one viewer of twenty signals; clicks_ms: to the answer
+    share: of a core, of the server with one viewer of twenty signals
+    clicks, direct: orders through the panel, and over the command key alone
     """
 
     phases: list[Phase]
     share: float
     samples_hz: float
-    clicks_ms: list[float]
+    clicks: list[Click]
+    direct: list[Click]
 
 
 def main(phase_s: float) -> int:
@@ -71,7 +85,7 @@ def main(phase_s: float) -> int:
         finally:
             child.terminate()
             child.communicate()
-        _tell(found, out / "plant.mcap")
+        _tell(found, out)
     return 0
 
 
@@ -100,8 +114,32 @@ async def _measure(address: str, out: Path, phase_s: float) -> Found:
             samples += _rows(await socket.recv())
         elapsed_s = time.monotonic() - begun_s
         share = (_cpu_s(server) - before_s) / elapsed_s
-        clicks = [await _click(socket, number) for number in range(_CLICKS)]
-    return Found(phases, share, samples / elapsed_s, clicks)
+        clicks, direct = await _by_turns(socket, out)
+    return Found(phases, share, samples / elapsed_s, clicks, direct)
+
+
+async def _by_turns(socket: Any, out: Path) -> tuple[list[Click], list[Click]]:  # noqa: ANN401
+    """Give orders through the panel and without it."""
+    operator = engine_of(out).operator("panel_cost")
+    clicks, direct = [], []
+    try:
+        for number in range(_CLICKS):
+            clicks.append(await _click(socket, number))
+            direct.append(await asyncio.to_thread(_ask, operator, number))
+            await asyncio.sleep(_PAUSE_S)
+    finally:
+        operator.close()
+    return clicks, direct
+
+
+def _order(number: int) -> dict[str, object]:
+    return {"kind": "set-point", "tdc_ref_m": 0.0155 - 1e-5 * (number % 2)}
+
+
+def _ask(operator: ZenohOperator, number: int) -> Click:
+    begun_s = time.monotonic()
+    answer = operator.ask(_order(number), "controller", 5.0)
+    return Click(begun_s, time.monotonic(), answer.tick)
 
 
 @contextlib.asynccontextmanager
@@ -161,19 +199,16 @@ def _rows(told: str | bytes) -> int:
     return sum(len(names) * count for names, count in groups) // len(_SIGNALS)
 
 
-async def _click(socket: Any, number: int) -> float:  # noqa: ANN401
-    """Set a set point; returns how long it took to be told the tick [ms]."""
+async def _click(socket: Any, number: int) -> Click:  # noqa: ANN401
+    """Set a set point as the page does."""
     if number == 0:
         await socket.send(json.dumps({"do": "wheel", "wanted": True, "force": True}))
-    command = {"kind": "set-point", "tdc_ref_m": 0.0155 - 1e-5 * (number % 2)}
     begun_s = time.monotonic()
-    await socket.send(json.dumps({"do": "order", "id": number, "command": command}))
+    await socket.send(json.dumps({"do": "order", "id": number, "command": _order(number)}))
     while True:
         told = await socket.recv()
         if isinstance(told, str) and (m := json.loads(told))["k"] == "answer" and m["id"] == number:
-            took_s = time.monotonic() - begun_s
-            await asyncio.sleep(0.037)
-            return took_s * 1e3
+            return Click(begun_s, time.monotonic(), int(m["tick"]))
 
 
 def _server_of(out: Path) -> int:
@@ -192,9 +227,11 @@ def _cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _tell(found: Found, plant_log: Path) -> None:
+def _tell(found: Found, out: Path) -> None:
     """Print a line for each kind of phase, and what one viewer costs."""
-    with logs.open(plant_log) as log:
+    with logs.open(out / "controller.mcap") as log:
+        timing = log.array("/timing")
+    with logs.open(out / "plant.mcap") as log:
         rows = log.array("/timing")
     t_s = rows["t_ns"] * 1e-9
     print(f"{'':14} {'p50':>7} {'p99':>7} {'p99.9':>7} [us late]  answered next tick")
@@ -209,7 +246,21 @@ def _tell(found: Found, plant_log: Path) -> None:
         print(f"{name:14} {p50:7.0f} {p99:7.0f} {p999:7.0f}            {answered:.2%}")
     print(f"one viewer, {len(_SIGNALS)} signals at {found.samples_hz:.0f} Hz:"
           f" {found.share:.1%} of a core")  # fmt: skip
-    print(f"click to the answer that names the tick: {_quantiles(found.clicks_ms)}")
+    woke_s = dict(zip(timing["tick"].tolist(), (timing["woke_ns"] * 1e-9).tolist(), strict=True))
+    for name, clicks in (("a click", found.clicks), ("the key alone", found.direct)):
+        took_ms = [1e3 * (click.answered_s - click.begun_s) for click in clicks]
+        print(f"{name:14} to the acting tick: {_quantiles(acting_ms(clicks, woke_s))};"
+              f" to the answer: {_quantiles(took_ms)}")  # fmt: skip
+
+
+def acting_ms(clicks: Sequence[Click], woke_s: Mapping[int, float]) -> list[float]:
+    """Return how long each order took to the start of the tick in which it acts [ms].
+
+    Ticks have the clock of the run. No answer comes before its tick, so the beginning of the run
+    is at the latest where the quickest answer comes at once; times are at most too long by that.
+    """
+    begun_s = min(click.answered_s - woke_s[click.tick] for click in clicks)
+    return [1e3 * (woke_s[click.tick] + begun_s - click.begun_s) for click in clicks]
 
 
 def _quantiles(times_ms: Sequence[float]) -> str:

@@ -46,6 +46,7 @@ class Steering:
         self._operator = operator
         self._set, self._get = set_values, get_values
         self._turn = asyncio.Lock()
+        self._changed: set[str] = set()
         self.values: dict[str, Any] = dict(values)
         self.undoable: list[dict[str, Any]] = []
 
@@ -64,6 +65,7 @@ class Steering:
         answer = await self._asked(lambda operator: _told(self._set(operator, values, PATIENCE_S)))
         if answer["taken"]:
             self.values.update(values)
+            self._changed.update(values)
             self.undoable = [*self.undoable, before][-_MOST_UNDONE:]
         return answer
 
@@ -78,14 +80,19 @@ class Steering:
         return answer
 
     async def look(self) -> bool:
-        """Ask for the parameters in force; whether they differ from those last heard."""
+        """Ask for the parameters in force; whether they differ from those last heard.
+
+        No order waits for it: to ask for all takes some questions, each of them ten ticks. What is
+        changed meanwhile is known better.
+        """
         if self._operator is None:
             return False
+        self._changed.clear()
         try:
-            async with self._turn:
-                found = await asyncio.to_thread(self._get, self._operator, PATIENCE_S)
+            asked = await asyncio.to_thread(self._get, self._operator, PATIENCE_S)
         except HilError:
             return False
+        found = {key: value for key, value in asked.items() if key not in self._changed}
         is_new = any(self.values.get(key) != value for key, value in found.items())
         self.values |= found
         return is_new

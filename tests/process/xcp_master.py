@@ -66,7 +66,7 @@ def main(protocol, port, seconds, file):
         daq.start()
         time.sleep(float(seconds))
         master.setMta(address_of(GAIN))
-        master.download(struct.pack("<d", 41.0 if protocol == "TCP" else 43.0))
+        master.download(struct.pack("<d", 41.0))
         daq.stop()
         master.disconnect()
     np.savez(file, **{

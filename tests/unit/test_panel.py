@@ -3,6 +3,7 @@
 import asyncio
 import json
 import struct
+import threading
 
 import numpy as np
 import pytest
@@ -262,6 +263,29 @@ def test_changes_are_undone_one_after_the_other():
     answer = asyncio.run(steer())
     assert pair.values["controller.tdc_ref_m"] == 0.0155
     assert (answer["taken"], answer["text"]) == (False, "nothing to undo")
+
+
+def test_no_order_waits_for_a_look_at_all_parameters_nor_is_undone_by_it():
+    pair, may_end = Pair(), threading.Event()
+
+    def slow_look(pair, _timeout_s):
+        old = dict(pair.values)
+        assert may_end.wait(30.0)
+        return old
+
+    async def steer():
+        steering = Steering(pair, set_values, slow_look)
+        looking = asyncio.create_task(steering.look())
+        await asyncio.sleep(0)
+        change = steering.change({"controller.tdc_ref_m": 0.015})
+        answer = await asyncio.wait_for(change, 10.0)
+        may_end.set()
+        await looking
+        return answer, steering.values
+
+    answer, values = asyncio.run(steer())
+    assert answer["taken"]
+    assert values == {"controller.tdc_ref_m": 0.015}
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_before_a_connection_nothing_is_answered():
     assert Slave(Target()).answer(b"\xfd") == b"\xfe\x20"
 
 
-def listed(slave, names=NAMES):
+def listed(slave, names=NAMES, *, stopped=False):
     found = [places()[address_of(name)] for name in names]
     slave.answer(b"\xd6")
     ask(slave, "BBH", 0xD5, 0, 1)
@@ -126,7 +126,7 @@ def listed(slave, names=NAMES):
         assert ask(slave, "BBBBI", 0xE1, 0xFF, place.size, 0, place.address) == b"\xff"
     ask(slave, "BBHHBB", 0xE0, 0x10, 0, 0, 1, 0)
     assert ask(slave, "BBH", 0xDE, 2, 0) == b"\xff\x00"
-    assert slave.answer(b"\xdd\x01") == b"\xff"
+    assert stopped or slave.answer(b"\xdd\x01") == b"\xff"
     return "<BI" + "".join(place.code for place in found)
 
 
@@ -196,14 +196,15 @@ def test_the_a2l_file_is_what_calibration_tools_accept(tmp_path):
 
 
 class Bench(Target):
-    """An engine that records nothing, and ends when it is told."""
+    """An engine whose plant records seventeen ticks a look, and that ends when it is told."""
 
     def __init__(self):
         super().__init__()
-        self.ended, self.port = False, 0
+        self.ended, self.port, self.tick = False, 0, 0
 
-    def rows(self, _side):
-        return {}
+    def rows(self, side):
+        self.tick += 17 * (side == "plant")
+        return ticks(self.tick, 17) if side == "plant" else {}
 
 
 @pytest.fixture
@@ -241,3 +242,31 @@ def test_who_connected_last_is_served_whoever_else_comes_and_goes(port):
         assert sent(stream, b"\xfd") == b""
         stream.close()
         assert sent(datagrams, b"\xd4\x00\x02\x00\x01") == b"\xff"  # its lists are still there
+
+
+class Remote:
+    """A slave behind a socket, for what a slave at hand is asked."""
+
+    def __init__(self, connection):
+        self.answer = lambda packet: sent(connection, packet)
+
+
+def test_over_udp_every_tick_comes_in_packets_counted_one_by_one(port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams:
+        datagrams.connect(("127.0.0.1", port))
+        assert sent(datagrams, b"\xff\x00")[:1] == b"\xff"
+        form = listed(Remote(datagrams), stopped=True)
+        datagrams.send(struct.pack("<HH", 2, 0) + b"\xdd\x01")
+        counts, rows = [], []
+        while len(rows) < 300:
+            message = datagrams.recv(2000)
+            assert len(message) <= 1404
+            while message:
+                length, count = struct.unpack_from("<HH", message)
+                packet, message = message[4 : 4 + length], message[4 + length :]
+                counts.append(count)
+                if packet != b"\xff":
+                    rows.append(struct.unpack(form, packet))
+    assert counts == list(range(counts[0], counts[0] + len(counts)))
+    assert [row[2] for row in rows] == list(range(rows[0][2], rows[0][2] + len(rows)))
+    assert all(row[3] == row[2] * 1e-5 for row in rows)
