@@ -18,7 +18,7 @@ from controller.log import is_occasion, packed_note, packed_occasions, packed_ti
 from controller.mode.schedule import Schedule
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.state import Output, Params, State, StrokeReport
 from controller.step import step
 from controller.supervisory import Events
 from hil import snapshot
@@ -156,11 +156,7 @@ class ControllerLoop:
         if self.reception.doubted:
             why, self.reception.doubted = (("sample-doubted", self.reception.doubted),), ""
             self._heard += packed(self.tick, self.params.period_ns, why)
-        sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
-        inputs = Inputs(
-            arrival.tick, sample, command, power_w, fault, arrival.told, arrival.winding_k
-        )
-        self.state, output = step(self.params, self.state, inputs)
+        self.state, output = step(self.params, self.state, arrival.inputs(command))
         if self._stimulation is not None:
             self._stimulation.note(self.tick, output)
         if self._is_asked:

@@ -10,9 +10,10 @@ from controller.mode.start_restart import GENERATING, MOTORING
 from controller.observe.plausibility import NAMES, NONE, UNHEARD_OF, Witness, fault_of, judge
 from controller.observe.possible import Possible
 from controller.observe.symptoms import watch
-from controller.state import State
+from controller.state import Inputs, State
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
+from hil.wire.commands import OperatorCommand
 from hil.wire.e2e import MAX_DELTA
 from hil.wire.messages import (
     ELECTRIC_POWER,
@@ -52,6 +53,12 @@ class Arrival(Value):
         self.fault = fault
         self.told = told
         self.winding_k = winding_k
+
+    def inputs(self, command: OperatorCommand | None) -> Inputs:
+        """What the step takes of it."""
+        return Inputs(
+            self.tick, self.sample, command, self.power_w, self.fault, self.told, self.winding_k
+        )
 
 
 @final

@@ -65,7 +65,7 @@ def test_only_the_selected_slow_signal_is_on_the_wire():
         (PistonSample(0.0, math.inf), r"PistonSample\.v_m_s = inf: accepted -8 to 8 m/s"),
         (PistonSample(-math.inf, 0.0), r"PistonSample\.x_m = -inf: accepted -0\.08 to 0\.08"),
         (PlantTick(1, 2, 2, NAN, NAN, NAN), r"PlantTick\.p_right_pa = nan: accepted 0 to"),
-        (PlantTick(1, 2, 3, NAN, NAN, NAN), r"PlantTick\.slow = 3: accepted 0 to 2"),
+        (PlantTick(1, 2, 4, NAN, NAN, NAN), r"PlantTick\.slow = 4: accepted 0 to 3"),
         (PlantTick(1 << 32, 2, 0, 0.0, NAN, NAN), r"PlantTick\.tick = 4294967296: accepted 0 to"),
         (PlantTick(1, 0, 0, 0.0, NAN, NAN), r"PlantTick\.frame_count = 0: accepted 1 to 7"),
         (ControllerTick(1, 2, 5), r"ControllerTick\.mode = 5: accepted 0 to 4"),
