@@ -10,7 +10,14 @@ from hil.values import replace
 from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
 from hil.wire.e2e import ReceptionCounts, counter_marks, protect
 from hil.wire.fields import LAYOUTS, layout_of
-from hil.wire.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
+from hil.wire.messages import (
+    ControllerTick,
+    CylinderPeak,
+    MachineCommand,
+    PistonSample,
+    PlantTick,
+    Pulse,
+)
 
 NAN = math.nan
 HEAD = PlantTick(7, 2, 0, 123.0, NAN, NAN)
@@ -142,7 +149,7 @@ def test_frame_of_another_sender_or_of_nobody_is_unknown(can_id):
     [
         (SAMPLE, "plant", 8_000_001 << 12),
         (SAMPLE, "plant", 0x7FFFFF << 36),
-        (HEAD, "plant", 3 << 47 | 1 << 44),
+        (CylinderPeak(0, 1e5, 0.0, 0.0), "plant", 0x1FFFF << 28),
         (HEAD, "plant", 0),
         (ControllerTick(1, 2, 0), "controller", 7 << 47 | 1 << 44),
         (MACHINE, "controller", 3 << 12),
