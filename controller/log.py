@@ -11,6 +11,7 @@ from controller.mode.start_restart import Mode
 from controller.motion.law import Demand
 from controller.reception import Arrival, Reception
 from controller.state import Output, State, StrokeReport
+from controller.supervision.protection import CycleReport
 from controller.timing.plan import PlannedPulse
 from hil.log import packing, topics
 from hil.wire.status import ControllerStatus
@@ -42,6 +43,11 @@ def packed_tick(
     return packing.packed()
 
 
+def is_occasion(output: Output) -> bool:
+    """Whether a stroke, an event or a cylinder's cycle is told."""
+    return output.stroke is not None or bool(output.events) or output.cycle is not None
+
+
 def packed_occasions(
     tick: int, t_ns: int, mode: Mode, output: Output, demand: Demand | None
 ) -> bytes:
@@ -52,6 +58,8 @@ def packed_occasions(
     if demand is not None and demand.fuel_kg > 0.0:
         packing.demand(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
     data = packing.packed()
+    if output.cycle is not None:
+        data += _cylinder(tick, t_ns, output.cycle)
     severity = topics.FAULT if mode in _FAULT_MODES else topics.INFO
     for code, text in output.events:
         data += topics.EVENT.pack(tick, t_ns, severity, code, text)
@@ -103,6 +111,15 @@ def _add_stroke(tick: int, t_ns: int, stroke: StrokeReport) -> None:
         demand.v_ref_m_s, demand.fuel_kg, demand.outer_p_m_s, demand.outer_i_m_s,
         demand.inner_p_kg, demand.inner_i_kg, _known(stroke.speed_hz),
         _known(stroke.power_w), _known(stroke.power_ref_w), _known(stroke.lambda_ratio),
+    )  # fmt: skip
+
+
+def _cylinder(tick: int, t_ns: int, cycle: CycleReport) -> bytes:
+    """One cycle of a cylinder, and what is taken back after it."""
+    peak = cycle.peak
+    return topics.CYLINDER.pack(
+        tick, t_ns, peak.side, peak.p_peak_pa, peak.x_peak_m, peak.rise_pa_s, cycle.knock_w_m2,
+        cycle.verdict + 1, cycle.load_share, cycle.fuel_share, cycle.retard_m,
     )  # fmt: skip
 
 

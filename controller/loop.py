@@ -14,11 +14,11 @@ from mypy_extensions import i64
 from controller.actuator import messages
 from controller.live.stimulation import Stimulation, StimulationMemory
 from controller.live.tuning import changed, followed
-from controller.log import packed_note, packed_occasions, packed_tick, status_of
+from controller.log import is_occasion, packed_note, packed_occasions, packed_tick, status_of
 from controller.mode.schedule import Schedule
 from controller.observe.age import SampleAge
 from controller.reception import Arrival, Reception, ReceptionMemory
-from controller.state import Inputs, Output, Params, State, StrokeReport
+from controller.state import Output, Params, State, StrokeReport
 from controller.step import step
 from controller.supervisory import Events
 from hil import snapshot
@@ -156,9 +156,7 @@ class ControllerLoop:
         if self.reception.doubted:
             why, self.reception.doubted = (("sample-doubted", self.reception.doubted),), ""
             self._heard += packed(self.tick, self.params.period_ns, why)
-        sample, power_w, fault = arrival.sample, arrival.power_w, arrival.fault
-        inputs = Inputs(arrival.tick, sample, command, power_w, fault, arrival.valve)
-        self.state, output = step(self.params, self.state, inputs)
+        self.state, output = step(self.params, self.state, arrival.inputs(command))
         if self._stimulation is not None:
             self._stimulation.note(self.tick, output)
         if self._is_asked:
@@ -255,7 +253,7 @@ class ControllerLoop:
             t_ns, arrival, state, self.reception.slow, output, frames, woke_ns,
             self._pacer.now_ns(), missed,
         )  # fmt: skip
-        if asked or self._heard or output.stroke is not None or output.events:
+        if asked or self._heard or is_occasion(output):
             demand = state.fuelling.demand if asked else None
             data += packed_occasions(tick, t_ns, state.mode, output, demand) + self._heard
             self._heard = b""

@@ -25,7 +25,7 @@ from controller.timing.valves import ValveTiming
 from hil.rounding import nearest
 from hil.values import replace
 from hil.wire.commands import OperatorCommand
-from hil.wire.messages import GENERATOR, MOTOR
+from hil.wire.messages import GENERATOR, MOTOR, ValveMove
 from hil.wire.pulses import may_fire
 
 _CREEP_M_S: Final = 1e-3
@@ -125,18 +125,17 @@ def with_valves(
 ) -> tuple[ValveTiming | None, tuple[PlannedPulse, ...]]:  # fmt: skip
     """Level 4: the valves' edges, and which of all orders this tick has room for.
 
-    A tick in which the plant tells of a valve has one frame less.
+    A tick in which the plant tells of a valve or a cylinder has one frame less.
     """
-    table = params.valve_table
+    table, told = params.valve_table, inputs.told
+    room: i64 = actuator.MAX_PULSES if told is None else actuator.MAX_PULSES - 1
     if table is None or timing is None:
-        return timing, pulses
-    timing = valves.observe(
-        table, timing, before, seen.motion, seen.passed.dead_centre, inputs.valve
-    )
+        return timing, pulses if len(pulses) <= room else pulses[:room]
+    moved = told if type(told) is ValveMove else None
+    timing = valves.observe(table, timing, before, seen.motion, seen.passed.dead_centre, moved)
     if not may_fire(mode):
         return valves.at_rest(timing), pulses
     timing = valves.plan(table, params.timings, timing, seen.t_ns, params.period_ns)
-    room: i64 = actuator.MAX_PULSES if inputs.valve is None else actuator.MAX_PULSES - 1
     acts_ns = seen.t_ns + params.timings.act_ticks * params.period_ns
     return valves.to_send(timing, pulses, inputs.tick, acts_ns, room)
 

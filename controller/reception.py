@@ -10,11 +10,20 @@ from controller.mode.start_restart import GENERATING, MOTORING
 from controller.observe.plausibility import NAMES, NONE, UNHEARD_OF, Witness, fault_of, judge
 from controller.observe.possible import Possible
 from controller.observe.symptoms import watch
-from controller.state import State
+from controller.state import Inputs, State
 from hil.values import Value
 from hil.wire.codec import Decoder, DecoderMemory
+from hil.wire.commands import OperatorCommand
 from hil.wire.e2e import MAX_DELTA
-from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, PistonSample, PlantTick, ValveMove
+from hil.wire.messages import (
+    ELECTRIC_POWER,
+    P_LEFT,
+    P_RIGHT,
+    CylinderPeak,
+    PistonSample,
+    PlantTick,
+    ValveMove,
+)
 
 _NAN: Final = float("nan")
 _TICK_MODULO: Final = 1 << 32
@@ -27,21 +36,29 @@ class Arrival(Value):
     """What came for a tick: its frames, the sample if it may be used, and the electric power.
 
     tick: -1 when its head did not come through; power_w: nan when the frames carried none; fault:
-    what the samples show to be wrong; valve: what a valve's position switch told
+    what the samples show to be wrong; told: what a valve's position switch, or an indicator, told
+    winding_k: as power_w
     """
 
-    __slots__ = ("tick", "batch", "sample", "power_w", "fault", "valve")
+    __slots__ = ("tick", "batch", "sample", "power_w", "fault", "told", "winding_k")
 
     def __init__(
         self, tick: int, batch: bytes, sample: PistonSample | None = None, power_w: float = _NAN,
-        fault: i64 = NONE, valve: ValveMove | None = None,
+        fault: i64 = NONE, told: ValveMove | CylinderPeak | None = None, winding_k: float = _NAN,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.batch = batch
         self.sample = sample
         self.power_w = power_w
         self.fault = fault
-        self.valve = valve
+        self.told = told
+        self.winding_k = winding_k
+
+    def inputs(self, command: OperatorCommand | None) -> Inputs:
+        """What the step takes of it."""
+        return Inputs(
+            self.tick, self.sample, command, self.power_w, self.fault, self.told, self.winding_k
+        )
 
 
 @final
@@ -91,23 +108,23 @@ class Reception:
                 self.decoder.forget_counters()
             return Arrival(-1, b"")
         self._silent_turns = 0
-        tick, sample, power_w, valve = -1, None, _NAN, None
+        tick, sample, power_w, winding_k, told = -1, None, _NAN, _NAN, None
         for message in self.decoder.decode(batch):
             if type(message) is PlantTick:
                 tick = self._whole_tick(message.tick, last_tick)
-                power_w = message.electric_power_w
+                power_w, winding_k = message.electric_power_w, message.winding_k
                 self._hear(message)
             elif type(message) is PistonSample:
                 sample = message
-            elif type(message) is ValveMove:
-                valve = message
+            elif type(message) is ValveMove or type(message) is CylinderPeak:
+                told = message
         if sample is None or tick <= last_tick:
             return Arrival(tick, batch)
-        return self._judged(tick, batch, sample, power_w, state, valve)
+        return self._judged(tick, batch, sample, power_w, winding_k, state, told)
 
     def _judged(
-        self, tick: int, batch: bytes, sample: PistonSample, power_w: float, state: State,
-        valve: ValveMove | None,
+        self, tick: int, batch: bytes, sample: PistonSample, power_w: float,
+        winding_k: float, state: State, told: ValveMove | CylinderPeak | None,
     ) -> Arrival:  # fmt: skip
         """What an intact sample is worth: of the tick of its head, and believed."""
         if not self.decoder.in_step():
@@ -115,7 +132,7 @@ class Reception:
             return Arrival(tick, batch)
         fault = self._judge(tick, sample, power_w, state)
         if self.witness.agreeing == 0:
-            return Arrival(tick, batch, sample, power_w, fault, valve)
+            return Arrival(tick, batch, sample, power_w, fault, told, winding_k)
         self.implausible += 1
         return Arrival(tick, batch, None, power_w, fault)
 
@@ -126,7 +143,7 @@ class Reception:
             self.slow[ELECTRIC_POWER] = head.electric_power_w
         elif slow == P_LEFT:
             self.slow[P_LEFT] = head.p_left_pa
-        else:
+        elif slow == P_RIGHT:
             self.slow[P_RIGHT] = head.p_right_pa
 
     def _judge(self, tick: int, sample: PistonSample, power_w: float, state: State) -> i64:

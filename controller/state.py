@@ -18,6 +18,7 @@ from controller.observe.estimate import Motion, Passed
 from controller.observe.possible import Possible
 from controller.observe.power import UNMETERED, Metering
 from controller.safety import Limits
+from controller.supervision.protection import UNTOUCHED, CycleReport, Guard, Protection
 from controller.supervisory import Events, SetPoints, Supervisor
 from controller.timing.plan import NO_PLAN, Plan, PlannedPulse, Timings
 from controller.timing.port import Film, Port
@@ -27,7 +28,7 @@ from hil.config.controller import ControllerConfig, StartConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
 from hil.wire.commands import OperatorCommand
-from hil.wire.messages import PistonSample, ValveMove
+from hil.wire.messages import CylinderPeak, PistonSample, ValveMove
 from hil.wire.pulses import may_fire
 
 
@@ -76,6 +77,7 @@ class Params:
         self.timings = Timings(config)
         injector, half_m = config.injector, engine.half_stroke_m
         self.port = Port(injector, half_m) if injector.kind == "port" else None
+        self.guard = Guard(config, engine)
         self.laws = laws
         self.law_name: str = config.name
         self.law = laws[config.name]
@@ -96,7 +98,7 @@ class State(Value):
 
     __slots__ = (
         "motion", "stale", "operation", "set_points", "fuelling", "plan", "pulses", "ahead",
-        "valves", "metering", "drive", "film",
+        "valves", "metering", "drive", "film", "protection",
     )  # fmt: skip
 
     def __init__(
@@ -104,6 +106,7 @@ class State(Value):
         fuelling: Fuelling, plan: Plan, pulses: tuple[PlannedPulse, ...], ahead: Plan = NO_PLAN,
         valves: ValveTiming | None = None, metering: Metering = UNMETERED, drive: Drive = AT_REST,
         film: Film | None = None,
+        protection: Protection = UNTOUCHED,
     ) -> None:  # fmt: skip
         self.motion = motion
         self.stale = stale
@@ -117,6 +120,7 @@ class State(Value):
         self.metering = metering
         self.drive = drive
         self.film = film
+        self.protection = protection
 
     @property
     def in_force(self) -> Plan:
@@ -135,21 +139,24 @@ class Inputs(Value):
 
     power_w: electric power, nan when this tick's frames carried none
     fault: what the samples show to be wrong, by its number in controller/observe/plausibility.py
-    valve: what a valve's position switch has told
+    told: what a valve's position switch, or the indicator of a cylinder, has told
+    winding_k: temperature of the winding, nan when this tick's frames carried none
     """
 
-    __slots__ = ("tick", "sample", "command", "power_w", "fault", "valve")
+    __slots__ = ("tick", "sample", "command", "power_w", "fault", "told", "winding_k")
 
     def __init__(
         self, tick: i64, sample: PistonSample | None, command: OperatorCommand | None = None,
-        power_w: float = math.nan, fault: i64 = 0, valve: ValveMove | None = None,
+        power_w: float = math.nan, fault: i64 = 0, told: ValveMove | CylinderPeak | None = None,
+        winding_k: float = math.nan,
     ) -> None:  # fmt: skip
         self.tick = tick
         self.sample = sample
         self.command = command
         self.power_w = power_w
         self.fault = fault
-        self.valve = valve
+        self.told = told
+        self.winding_k = winding_k
 
 
 @final
@@ -182,11 +189,11 @@ class StrokeReport(Value):
 class Output(Value):
     """What goes out, and what the log should know."""
 
-    __slots__ = ("mode", "machine", "throttle", "pulses", "stroke", "events")
+    __slots__ = ("mode", "machine", "throttle", "pulses", "stroke", "events", "cycle")
 
     def __init__(
         self, mode: Mode, machine: Machine, throttle: float, pulses: tuple[PlannedPulse, ...],
-        stroke: StrokeReport | None, events: Events,
+        stroke: StrokeReport | None, events: Events, cycle: CycleReport | None = None,
     ) -> None:  # fmt: skip
         self.mode = mode
         self.machine = machine
@@ -194,6 +201,7 @@ class Output(Value):
         self.pulses = pulses
         self.stroke = stroke
         self.events = events
+        self.cycle = cycle
 
     @property
     def may_fire(self) -> bool:

@@ -27,7 +27,9 @@ from controller.observe.estimate import (
     seconds_to_dead_centre,
 )
 from controller.orders import filmed, machine_order, obey, reinject, with_valves
+from controller.protecting import derated, protected
 from controller.state import Inputs, Output, Params, State, report_of, view_of
+from controller.supervision.protection import Protection
 from controller.supervisory import SHORT_M, Events, SetPoints
 from controller.timing import position
 from controller.timing.advance import is_far
@@ -47,12 +49,17 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     Returns: the next state and the output, which acts at the plant's next tick
     """
     t_ns = inputs.tick * params.period_ns
-    seen = observe(state.motion, state.stale, inputs.sample, t_ns, inputs.fault)
+    fault = inputs.fault or state.protection.trip
+    seen = observe(state.motion, state.stale, inputs.sample, t_ns, fault)
     if seen.passed.dead_centre:
         seen = turned(params, state, seen)
-    judged, before = state.operation.fired_t_ns, state.motion
+    judged, before, verdict = state.operation.fired_t_ns, state.motion, state.operation.verdict
     state, events = _operate(params, state, seen, inputs.command)
-    set_points = params.supervisor.slew(state.set_points, params.dt_s)
+    protection, cycle, told = protected(params, state, seen, inputs, verdict)
+    if told:
+        events = (*events, *told)
+    set_points = derated(params, state.set_points, protection)
+    set_points = params.supervisor.slew(set_points, params.dt_s)
     metering, stroke = state.metering, None
     if seen.passed.dead_centre:
         metering = power.ended(metering, seen.motion.dc_t_ns)
@@ -66,7 +73,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     mode = state.operation.mode
     if plan.fuel_kg > 0.0 and (plan.later_kg < 0.0 or seen.motion.passed_mid):
         plan = _with_spark(
-            params, mode, seen.motion, set_points, plan, fuelling, t_ns, state.pulses
+            params, mode, seen.motion, set_points, plan, fuelling, t_ns, state.pulses, protection
         )
     ahead = ordered_ahead(params, state, seen, set_points, fuelling, plan, judged)
     first = plan if plan.is_set else ahead
@@ -77,9 +84,9 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     moved, sent = with_valves(params, state.valves, before, seen, inputs, mode, pulses)
     after = State(
         seen.motion, seen.stale, state.operation, set_points, fuelling, plan, pulses, ahead, moved,
-        metering, driving, film,
+        metering, driving, film, protection,
     )  # fmt: skip
-    return after, Output(mode, machine, set_points.throttle, sent, stroke, events)
+    return after, Output(mode, machine, set_points.throttle, sent, stroke, events, cycle)
 
 
 def _operate(
@@ -229,7 +236,7 @@ def _trimmed(
 
 def _with_spark(
     params: Params, mode: Mode, motion: Motion, set_points: SetPoints, plan: Plan,
-    fuelling: Fuelling, t_ns: i64, pulses: tuple[PlannedPulse, ...],
+    fuelling: Fuelling, t_ns: i64, pulses: tuple[PlannedPulse, ...], protection: Protection,
 ) -> Plan:  # fmt: skip
     """Level 4: the spark, by the best prediction that there is of this stroke."""
     timings, period_ns, stroke_map = params.timings, params.period_ns, params.stroke_map
@@ -237,6 +244,8 @@ def _with_spark(
         return plan
     braked, charges = braking(mode, set_points, fuelling)
     place_m, advance_s = timings.spark_position_m, timings.spark_advance_s
+    if place_m is not None:
+        place_m += params.guard.retard_m(protection)
     if mode is GENERATING:
         braked = params.law_of(fuelling.law_name).load_of(fuelling.law, braked)
     if place_m is not None:

@@ -64,17 +64,19 @@ class SetPoints(Value):
     tdc_ref and load.
     manifold_pa: pressure in the intake manifold, as estimated; most_kg: the fuel that it admits, or
     the throttle does
+    load_share, fuel_share: what the protection leaves of the load, and of the steady fuel
     """
 
     __slots__ = (
         "tdc_ref_m", "tdc_target_m", "load_n_s_m", "load_target_n_s_m", "throttle", "point",
-        "target", "manifold_pa", "most_kg",
+        "target", "manifold_pa", "most_kg", "load_share", "fuel_share",
     )  # fmt: skip
 
     def __init__(
         self, tdc_ref_m: float, tdc_target_m: float, load_n_s_m: float, load_target_n_s_m: float,
         throttle: float, point: OperatingPoint, target: Target | None = None,
-        manifold_pa: float = 0.0, most_kg: float = 0.0,
+        manifold_pa: float = 0.0, most_kg: float = 0.0, load_share: float = 1.0,
+        fuel_share: float = 1.0,
     ) -> None:  # fmt: skip
         self.tdc_ref_m = tdc_ref_m
         self.tdc_target_m = tdc_target_m
@@ -85,6 +87,8 @@ class SetPoints(Value):
         self.target = target
         self.manifold_pa = manifold_pa
         self.most_kg = most_kg
+        self.load_share = load_share
+        self.fuel_share = fuel_share
 
 
 @final
@@ -190,11 +194,10 @@ class Supervisor:
         """Move the load towards its target by what one tick allows, the air after the throttle."""
         if now.manifold_pa != now.throttle * self.air.full_pa:
             now = self.throttled(now, now.throttle, dt)
-        if now.load_n_s_m == now.load_target_n_s_m:
+        load = now.load_target_n_s_m * now.load_share
+        if now.load_n_s_m == load:
             return now
-        most = self._slew_n_s_m_s * dt
-        gap = now.load_target_n_s_m - now.load_n_s_m
-        load = now.load_target_n_s_m
+        most, gap = self._slew_n_s_m_s * dt, load - now.load_n_s_m
         if abs(gap) > most:
             load = now.load_n_s_m + (most if gap > 0 else -most)
         point = self.performance.point(now.tdc_ref_m, load)
@@ -207,7 +210,16 @@ class Supervisor:
         if not self.air.limits:
             p_pa = throttle * self.air.full_pa
         most_kg = self.air.most_kg(throttle, p_pa)
+        if now.fuel_share < 1.0:
+            most_kg = min(most_kg, now.point.fuel_kg * now.fuel_share)
         return replace(now, throttle=throttle, manifold_pa=p_pa, most_kg=most_kg)
+
+    def derated(self, now: SetPoints, load_share: float, fuel_share: float) -> SetPoints:
+        """Leave a share of the load, and no more than a share of the steady fuel."""
+        if load_share == now.load_share and fuel_share == now.fuel_share:
+            return now
+        now = replace(now, load_share=load_share, fuel_share=fuel_share)
+        return self.throttled(now, now.throttle, 0.0)
 
     def regulated(
         self, now: SetPoints, power_w: float | None, is_short: bool

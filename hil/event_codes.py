@@ -25,6 +25,10 @@ OF_THE_CONTROLLER: Final = {
     "sample-doubted": "a sample was not believed",
     "power-limited": "the target power cannot be had: what is in its way",
     "power-within-reach": "the target power can be had again",
+    "derating": "a limit of the protection is near: what is taken back for it",
+    "derating-over": "what was taken back has been given back",
+    "misfire-by-pressure": "a charge has not burnt, by the peak of its cycle",
+    "pressure-contradicts-motion": "peak of a cycle and motion of the piston tell two things of it",
     "load-rate-limited": "the load moves to its new value at its own rate",
 }
 OF_BOTH: Final = {

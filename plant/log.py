@@ -16,7 +16,7 @@ from plant.answers import Answer, Answers
 from plant.memory import Measured
 from plant.rig import events as codes
 from plant.rig.events import Event
-from plant.rig.params import PlantParams
+from plant.rig.params import SECOND_NS, PlantParams
 from plant.rig.state import Command, PlantState
 
 _ROOM: Final = 4
@@ -142,6 +142,14 @@ def pack_valves(p: PlantParams, tick: int, before: PlantState, after: PlantState
         gap_m = gaps_m[0] - way_m if move.line < 2 else gaps_m[1] + way_m
         data += topics.VALVE.pack(tick, move.t_ns, VALVES[0] + move.line, int(move.is_open), gap_m)
     return data
+
+
+def pack_winding(p: PlantParams, tick: int, s: PlantState) -> bytes:
+    """Pack the temperature of the winding with which a tick begins, once in a second of them."""
+    if not p.config.winding.on or tick * p.period_ns % SECOND_NS >= p.period_ns:
+        return b""
+    i = s.instruments
+    return topics.WINDING.pack(tick, tick * p.period_ns, i.winding_k, i.copper_w)
 
 
 def _position_m(p: PlantParams, before: PlantState, after: PlantState, s: float) -> float:

@@ -21,26 +21,19 @@ from hil.stimuli.player import Player
 from hil.values import NEVER
 from hil.wire.changes import is_one as is_request
 from hil.wire.codec import Decoder, Encoder
-from hil.wire.fields import most_of
-from hil.wire.messages import ELECTRIC_POWER, P_LEFT, P_RIGHT, SLOW_ORDER, PistonSample, PlantTick
 from plant import faults
 from plant.answers import Answer, Answers
-from plant.log import pack_events, pack_skipped, pack_turn, pack_valves, status_of
+from plant.log import pack_events, pack_skipped, pack_turn, pack_valves, pack_winding, status_of
 from plant.memory import LoopMemory, Measured, Ordered
 from plant.rig.events import Event
 from plant.rig.params import PlantParams
-from plant.rig.silence import unheard
 from plant.rig.state import AS_BEFORE, PlantState
 from plant.rig.step import step
-from plant.sensors import sample, sensed, valve_move
+from plant.sample_frames import sample_messages
+from plant.sensors import sample, sensed
 from plant.stimulation import Stimulation
 from plant.tuning import changed, enforced
 
-_NAN: Final = float("nan")
-_X_MOST: Final = most_of(PistonSample, "x_m")
-_V_MOST: Final = most_of(PistonSample, "v_m_s")
-_POWER_MOST: Final = most_of(PlantTick, "electric_power_w")
-_P_MOST: Final = most_of(PlantTick, "p_left_pa")
 _COMMAND_EVERY: Final = 10
 _MOST_ARRIVED: Final = 256
 _NO_EVENTS: Final[tuple[Event, ...]] = ()
@@ -175,24 +168,13 @@ class PlantLoop:
 
     def _measure(self) -> Measured:
         """Sense the state at the start of the next tick and encode it, ahead of its slot."""
-        state = self.state
-        tick = state.tick
-        seen, slowly = sample(self.params, state), sensed(self.params, state)
-        x_m, v_m_s = seen.x_m, seen.v_m_s
-        power, left, right = slowly.electric_power_w, slowly.p_left_pa, slowly.p_right_pa
-        slow, valve = SLOW_ORDER[tick & 3], valve_move(self.params, state)
-        head = PlantTick(
-            tick & 0xFFFFFFFF,
-            2 if valve is None else 3,
-            slow,
-            _within(power, _POWER_MOST) if slow == ELECTRIC_POWER else _NAN,
-            _within(left, _P_MOST) if slow == P_LEFT else _NAN,
-            _within(right, _P_MOST) if slow == P_RIGHT else _NAN,
-        )
-        heard = unheard(self.params, state) if state.stale or state.latch else 0
-        body = PistonSample(_within(x_m, _X_MOST), _within(v_m_s, _V_MOST), heard)
-        frames = (head, body) if valve is None else (head, body, valve)
-        return Measured(x_m, v_m_s, left, right, power, self._encoder.encode(frames))
+        params, state = self.params, self.state
+        seen, slowly = sample(params, state), sensed(params, state)
+        batch = self._encoder.encode(sample_messages(params, state, seen, slowly))
+        return Measured(
+            seen.x_m, seen.v_m_s, slowly.p_left_pa, slowly.p_right_pa, slowly.electric_power_w,
+            batch,
+        )  # fmt: skip
 
     def _take_fault(self, commands: CommandSource, tick: int) -> None:
         """Take a fault that was ordered over the command key; what is not ours is left alone."""
@@ -252,6 +234,8 @@ class PlantLoop:
             data += pack_events(tick, t_ns, events)
         if self.state.pulses.valves.told:
             data += pack_valves(self.params, tick, before, self.state)
+        if self.params.instrumented:
+            data += pack_winding(self.params, tick, before)
         if self._heard:
             data, self._heard = data + self._heard, b""
         if (tick + 1) % self._snapshot_every == 0:
@@ -290,8 +274,3 @@ class PlantLoop:
         told = status_of(slot, self._late_max_ns, self.state, self.answers)
         self._status.publish(told | {"missed": self.missed, "changes": self._changes.count})
         self._late_max_ns = 0
-
-
-def _within(value: float, most: float) -> float:
-    """A sensor at the end of its range says the end of its range."""
-    return -most if value < -most else most if value > most else value

@@ -57,8 +57,15 @@ _ENGINE: Final = (
         " included; the same as above but in four-stroke engines",
     ),
     Figure(
+        "imep_bar", "bar",
+        "indicated mean effective pressure: work of the gas in whole cycles by charges and swept"
+        " volume, of the pressures as they are sensed",
+    ),
+    Figure("indicated_power_mean_w", "W", "that work by its time"),
+    Figure("indicated_fuel_kg_kwh", "kg/kWh", "indicated specific consumption: fuel by that work"),
+    Figure(
         "brake_fuel_kg_kwh", "kg/kWh",
-        "brake specific consumption: fuel burnt in the run by the electric energy delivered",
+        "brake specific consumption: fuel by the electric energy delivered, over whole cycles",
     ),
     Figure("misfires", "", "charges that did not burn"),
     Figure("contacts", "", "contacts with a head"),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.judge.cause import NO_TRACE, Trace, read_trace
-from bench.judge.electric import Electric, read_electric
+from bench.judge.energy import Electric, Indicated, read_electric, read_indicated
 from bench.judge.events import Happenings, Instant, instants, read_happenings
 from bench.judge.punctuality import (
     QUANTILES,
@@ -59,6 +59,7 @@ class RunData(NamedTuple):
     happenings: Happenings
     instants: tuple[Instant, ...]
     electric: Electric
+    indicated: Indicated
     first_mode: str
     trace: Trace = NO_TRACE
     recorders: Mapping[str, Mapping[str, str]] = MappingProxyType({})
@@ -119,6 +120,7 @@ def read_run(scenario: Resolved, files: RunFiles) -> RunData:
             happenings,
             instants(scenario, happenings),
             read_electric(plant, scenario, truth.strokes, truth.ticks / scenario.loop.rate_hz),
+            read_indicated(plant, scenario, truth.strokes),
             _first_mode(scenario, controller),
             read_trace(scenario, happenings, both),
             {name: told for name, log in both.items()
@@ -145,7 +147,7 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     return {
         **motion,
         **_after_main_event(data),
-        "brake_fuel_kg_kwh": _brake_fuel(motion["fuel_total_mg"], data.electric.energy_j),
+        **_consumption(data),
         "electric_energy_j": data.electric.energy_j,
         "electric_power_mean_w": data.electric.power_w,
         "terminal_power_mean_w": data.electric.terminal_w,
@@ -160,9 +162,16 @@ def figures(data: RunData, wall_s: float | None) -> Figures:
     }
 
 
-def _brake_fuel(fuel_mg: Any, energy_j: float) -> float | None:  # noqa: ANN401
-    """Fuel by the electric energy that it came to, None where the machine took more."""
-    return fuel_mg * 1e-6 * _J_PER_KWH / energy_j if energy_j > 0.0 else None
+def _consumption(data: RunData) -> Figures:
+    """Figures of the gas's work, and what fuel it and the electric energy took."""
+    found, brake = data.indicated, data.electric.brake_fuel_kg_j
+    fuel, mean = found.fuel_kg_j, found.mean_pa
+    return {
+        "imep_bar": None if mean is None else mean * 1e-5,
+        "indicated_power_mean_w": found.power_w,
+        "indicated_fuel_kg_kwh": None if fuel is None else fuel * _J_PER_KWH,
+        "brake_fuel_kg_kwh": None if brake is None else brake * _J_PER_KWH,
+    }
 
 
 def _ratio(a: float, b: float | None) -> float | None:

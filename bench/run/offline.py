@@ -32,7 +32,8 @@ from plant.rig.events import Event
 from plant.rig.silence import unheard
 from plant.rig.state import Command, DeadCentre
 from plant.rig.step import step
-from plant.sensors import sample, sensed, valve_move
+from plant.sample_frames import beside, winding_k
+from plant.sensors import sample, sensed
 
 
 @final
@@ -143,7 +144,8 @@ def simulate(scenario: Resolved, silences: Sequence[Silence] = ()) -> Course:
         course.v_m_s.append(seen.v_m_s)
         if tick & 1 == 0:
             power_w = float(nearest(sensed(params, state).electric_power_w))
-        before, valve = state.dead_centre, valve_move(params, state)
+        before, beside_it = state.dead_centre, beside(params, state)
+        kelvin = winding_k(params, state, tick)
         told = PistonSample(seen.x_m, seen.v_m_s, unheard(params, state))
         state, events = step(params, state, None if silence.hides_answer(tick) else command)
         if events:
@@ -153,7 +155,7 @@ def simulate(scenario: Resolved, silences: Sequence[Silence] = ()) -> Course:
         if tick == schedule.next_tick:
             ordered = schedule.take()
         inputs = Inputs(tick, None, ordered) if silence.hides_sample(tick) else Inputs(
-            tick, told, ordered, power_w, 0, valve
+            tick, told, ordered, power_w, 0, beside_it, kelvin
         )  # fmt: skip
         mind, output = controller.step.step(law, mind, inputs)
         if said is None or not _says_the_same(output, said):

@@ -6,6 +6,7 @@ from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
+from bench.run.checks.protection import check_protection
 from bench.run.checks.signals import check_expectations
 from bench.run.checks.stimuli import check_stimuli, loaded
 from bench.run.filling import detailed, fmu, port
@@ -64,6 +65,7 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     _check_set_point(found)
     whole = believing(found)
     check_stimuli(whole)
+    check_protection(whole)
     return whole
 
 

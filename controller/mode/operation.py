@@ -53,16 +53,17 @@ class Operation(Value):
 
     fired_t_ns: dead centre of a combustion that is still to be judged, -1 none
     fired_strokes: since the start or restart; misfires: in a row, and of each side in a row
+    verdict: on the last combustion, by the motion: -1 none yet, 0 burnt, 1 misfired
     """
 
     __slots__ = (
         "mode", "since_t_ns", "fired_t_ns", "fired_strokes", "misfires", "misfires_left",
-        "misfires_right",
+        "misfires_right", "verdict",
     )  # fmt: skip
 
     def __init__(
         self, mode: Mode, since_t_ns: i64 = 0, fired_t_ns: i64 = -1, fired_strokes: i64 = 0,
-        misfires: i64 = 0, misfires_left: i64 = 0, misfires_right: i64 = 0,
+        misfires: i64 = 0, misfires_left: i64 = 0, misfires_right: i64 = 0, verdict: i64 = -1,
     ) -> None:  # fmt: skip
         self.mode = mode
         self.since_t_ns = since_t_ns
@@ -71,6 +72,7 @@ class Operation(Value):
         self.misfires = misfires
         self.misfires_left = misfires_left
         self.misfires_right = misfires_right
+        self.verdict = verdict
 
     def judged(self, misfired: bool, side: i64) -> Operation:
         """The operation after its combustion on that side has been judged."""
@@ -78,7 +80,7 @@ class Operation(Value):
         return Operation(
             self.mode, self.since_t_ns, -1, self.fired_strokes,
             self.misfires + 1 if misfired else 0, one if side == 0 else self.misfires_left,
-            self.misfires_right if side == 0 else one,
+            self.misfires_right if side == 0 else one, 1 if misfired else 0,
         )  # fmt: skip
 
     def entered(self, mode: Mode, t_ns: i64) -> Operation:
@@ -120,7 +122,7 @@ def decide(
     if fired:  # a combustion whose dead centre was not seen is not judged
         fired_t_ns = seen.motion.dc_t_ns if seen.whole else -1
         operation = replace(
-            operation, fired_t_ns=fired_t_ns, fired_strokes=operation.fired_strokes + 1
+            operation, fired_t_ns=fired_t_ns, fired_strokes=operation.fired_strokes + 1, verdict=-1
         )
     elif operation.fired_t_ns >= 0 and _is_check_too_late(operation, seen, stroke_s):
         operation = replace(operation, fired_t_ns=-1)

@@ -23,14 +23,22 @@ STANDS: Final[i64] = 4
 POWER: Final[i64] = 5
 OVERDUE: Final[i64] = 6
 UNBRAKED: Final[i64] = 7
+PEAK: Final[i64] = 8
+KNOCKS: Final[i64] = 9
+OVERSPEED: Final[i64] = 10
+HOT: Final[i64] = 11
+PRESSURELESS: Final[i64] = 12
 
 NAMES: Final = (
     "", "position sensor jumps", "velocity sensor jumps", "position and velocity disagree",
     "piston seems to stand still", "velocity contradicts the electric power",
-    "stroke is overdue", "machine takes up no power",
+    "stroke is overdue", "machine takes up no power", "peak pressure beyond its limit",
+    "knock beyond its limit", "speed beyond its limit", "winding beyond its limit",
+    "charges do not burn by their pressure",
 )  # fmt: skip
 
 _REFUSED: Final = "10 ms of refused samples"
+_IN_A_ROW: Final = "controller.protection.patience in a row"
 
 SIGNS: Final = (
     ("", ""),
@@ -41,6 +49,14 @@ SIGNS: Final = (
     ("electric power that c v^2, or in motoring F v, cannot explain", "two readings, 4 ticks"),
     ("no dead centre", "2.5 strokes, or two of the air springs alone"),
     ("no electric power at speed in a stroke that has fired", "three readings, 6 ticks"),
+    ("peak of a cycle beyond controller.protection.peak_pa", _IN_A_ROW),
+    ("ringing intensity of a cycle beyond controller.protection.knock_w_m2", _IN_A_ROW),
+    ("strokes shorter than controller.protection.speed_hz allows", _IN_A_ROW),
+    ("temperature of the winding beyond controller.protection.winding_k", _IN_A_ROW),
+    (
+        "peak of a side below controller.protection.fired_ratio times its compression",
+        "controller.limits.misfires cycles in a row",
+    ),
 )
 """What each is detected by, and how soon: rows of docs/safe-state.md."""
 

@@ -24,6 +24,7 @@ from hil.config.motion.stroke_map import StrokeMapConfig
 from hil.config.prototypes import DEFAULT
 from hil.config.ranges import STALE_S, CommandedLoad, StaleS, StartForceN, TdcRefM
 from hil.config.supervisory.air import AirKnowledge
+from hil.config.supervisory.protection import ProtectionConfig
 from hil.config.supervisory.section import SupervisoryConfig
 from hil.config.timing import (
     Metres,
@@ -187,6 +188,7 @@ class ControllerConfig(Section):
     injector: InjectorKnowledge = InjectorKnowledge()
     valves: ValvesKnowledge = ValvesKnowledge()
     limits: LimitsConfig = LimitsConfig()
+    protection: ProtectionConfig = ProtectionConfig()
     preset: Preset = Preset()
     tuning: Tuning | None = None
 

@@ -18,6 +18,7 @@ from hil.config.ranges import (
     StaleS,
     TemperatureK,
 )
+from hil.config.sensing import IndicatorConfig, WindingConfig
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
@@ -208,6 +209,8 @@ class PlantConfig(Section):
         "programme", description="what moves the machine of a four-stroke engine; set by the bench"
     )
     disturbance: DisturbanceConfig = DisturbanceConfig()
+    indicator: IndicatorConfig = IndicatorConfig()
+    winding: WindingConfig = WindingConfig()
     spark_window_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=LIVE)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution
     stale_s: StaleS = Field(

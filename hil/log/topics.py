@@ -212,6 +212,35 @@ class Valve(Record):
     gap_m: Annotated[float, Field("float64", "distance of the piston from the valve's head", "m")]
 
 
+class Cylinder(Record):
+    """The pressure of a cylinder's cycle as it was told, and what the protection takes back."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick in which it was told")]
+    t_ns: Annotated[int, Field("int64", "start of that tick, from the start of the run", "ns")]
+    side: Annotated[int, Field("uint8", "cylinder: 0 left, 1 right")]
+    p_peak_pa: Annotated[float, Field("float64", "greatest pressure of the cycle", "Pa")]
+    x_peak_m: Annotated[float, Field("float64", "position of the piston where it was", "m")]
+    rise_pa_s: Annotated[float, Field("float64", "steepest rise of the pressure", "Pa/s")]
+    knock_w_m2: Annotated[float, Field("float64", "ringing intensity of that rise", "W/m2")]
+    verdict: Annotated[int, Field("uint8", "by its pressure: 0 not judged, 1 burnt, 2 misfired")]
+    load_share: Annotated[float, Field("float64", "share of the load that is left", "1")]
+    fuel_share: Annotated[
+        float, Field("float64", "share of the steady fuel beyond which none is given", "1")
+    ]
+    retard_m: Annotated[
+        float, Field("float64", "how much nearer to the head the spark is put", "m")
+    ]
+
+
+class Winding(Record):
+    """Temperature of the machine's winding, as its model has it: once a second."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    winding_k: Annotated[float, Field("float64", "temperature of the winding", "K")]
+    copper_w: Annotated[float, Field("float64", "heat of the winding in the last tick", "W")]
+
+
 SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor, EVERY_TICK)
 ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator, EVERY_TICK)
 STROKE: Final[Topic] = Topic("/stroke", 3, Stroke, EVERY_STROKE, ("controller",))
@@ -225,10 +254,12 @@ SNAPSHOT: Final[Topic] = Topic("/snapshot", 10, Snapshot)
 COMMAND: Final[Topic] = Topic("/command", 11, Command)
 STIMULUS: Final[Topic] = Topic("/stimulus", 12, Stimulus)
 VALVE: Final[Topic] = Topic("/valve", 13, Valve)
+CYLINDER: Final[Topic] = Topic("/cylinder", 14, Cylinder, EVERY_STROKE, ("controller",))
+WINDING: Final[Topic] = Topic("/winding", 15, Winding)
 
 ALL: Final[tuple[Topic, ...]] = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
-    DEMAND, SNAPSHOT, COMMAND, STIMULUS, VALVE,
+    DEMAND, SNAPSHOT, COMMAND, STIMULUS, VALVE, CYLINDER, WINDING,
 )  # fmt: skip
 
 HOT: Final[tuple[Topic, ...]] = (

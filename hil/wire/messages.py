@@ -8,6 +8,7 @@ A tick carries at most six frames in both directions together (docs/messages.md,
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Annotated as A
 from typing import Final, final
@@ -61,9 +62,18 @@ CHANNELS: Final = {
 ELECTRIC_POWER: Final = 0
 P_LEFT: Final = 1
 P_RIGHT: Final = 2
-SLOW_SIGNALS: Final = {ELECTRIC_POWER: "electric_power", P_LEFT: "p_left", P_RIGHT: "p_right"}
+WINDING: Final = 3
+SLOW_SIGNALS: Final = {
+    ELECTRIC_POWER: "electric_power",
+    P_LEFT: "p_left",
+    P_RIGHT: "p_right",
+    WINDING: "winding",
+}
 SLOW_ORDER: Final[tuple[int, ...]] = (ELECTRIC_POWER, P_LEFT, ELECTRIC_POWER, P_RIGHT)
 """They take turns: which one a tick carries, by its number modulo four."""
+
+WINDING_EVERY: Final = 64
+"""Where a winding's temperature is measured, it takes the right pressure's turn so often."""
 
 UNHEARD_SAFE: Final = 15
 """The plant is in its safe state."""
@@ -82,9 +92,12 @@ class PlantTick(Value):
     electric_power_w: power delivered by the machine, negative when motoring; nan if not carried
     p_left_pa: pressure in the left cylinder; nan if not carried
     p_right_pa: pressure in the right cylinder; nan if not carried
+    winding_k: temperature of the machine's winding; nan if not carried
     """
 
-    __slots__ = ("tick", "frame_count", "slow", "electric_power_w", "p_left_pa", "p_right_pa")
+    __slots__ = (
+        "tick", "frame_count", "slow", "electric_power_w", "p_left_pa", "p_right_pa", "winding_k",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -94,6 +107,7 @@ class PlantTick(Value):
         electric_power_w: A[float, Signal("i15", scale=1.0, unit="W", only_when=ELECTRIC_POWER)],
         p_left_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_LEFT)],
         p_right_pa: A[float, Signal("u15", scale=1000.0, unit="Pa", only_when=P_RIGHT)],
+        winding_k: A[float, Signal("u15", scale=0.02, unit="K", only_when=WINDING)] = math.nan,
     ) -> None:
         self.tick = tick
         self.frame_count = frame_count
@@ -101,6 +115,7 @@ class PlantTick(Value):
         self.electric_power_w = electric_power_w
         self.p_left_pa = p_left_pa
         self.p_right_pa = p_right_pa
+        self.winding_k = winding_k
 
 
 message(0x100, sender="plant", receiver="controller")(PlantTick)
@@ -157,6 +172,37 @@ class ValveMove(Value):
 
 
 message(0x102, sender="plant", receiver="controller", per_tick=0)(ValveMove)
+
+
+@final
+class CylinderPeak(Value):
+    """The pressure of one cycle of a cylinder, as its sensor saw it: once a stroke.
+
+    It is sent when the cylinder is at its bottom dead centre, and as a valve's move in the place of
+    a pulse; of both in one tick the valve goes first.
+
+    side: 0 left, 1 right
+    p_peak_pa: greatest pressure of the cycle
+    x_peak_m: position of the piston where it was
+    rise_pa_s: steepest rise of the pressure
+    """
+
+    __slots__ = ("side", "p_peak_pa", "x_peak_m", "rise_pa_s")
+
+    def __init__(
+        self,
+        side: A[i64, Signal("u1")],
+        p_peak_pa: A[float, Signal("u15", scale=1000.0, unit="Pa")],
+        x_peak_m: A[float, Signal("i18", scale=1e-6, unit="m", minimum=-0.08, maximum=0.08)],
+        rise_pa_s: A[float, Signal("u18", scale=1e6, unit="Pa/s")],
+    ) -> None:
+        self.side = side
+        self.p_peak_pa = p_peak_pa
+        self.x_peak_m = x_peak_m
+        self.rise_pa_s = rise_pa_s
+
+
+message(0x103, sender="plant", receiver="controller", per_tick=0)(CylinderPeak)
 
 
 @final
@@ -239,4 +285,6 @@ class Pulse(Value):
 message(0x202, sender="controller", receiver="plant", per_tick=2)(Pulse)
 
 
-Message = PlantTick | PistonSample | ValveMove | ControllerTick | MachineCommand | Pulse
+Message = (
+    PlantTick | PistonSample | ValveMove | CylinderPeak | ControllerTick | MachineCommand | Pulse
+)

@@ -269,6 +269,13 @@ class Engine:
         """Distance of the piston from the left and the right head, of an engine with valves."""
         raise NotImplementedError
 
+    def cycle(self, m: Motion, side: int) -> tuple[float, float, float] | None:
+        """Peak pressure, its position and steepest rise of a side's last cycle, where it is known.
+
+        That cycle ended at the side's last bottom dead centre.
+        """
+        return None
+
     def stroke_s(self, m: Motion, machine: Machine, now_ns: int, begun_ns: int) -> float:
         """How long the stroke under way lasts if nothing disturbs it; 0 when that is not known."""
         return 0.0

@@ -16,7 +16,7 @@ from plant.engines.protocol import (
     Motion,
     Stop,
 )
-from plant.rig import air, charges, disturbances
+from plant.rig import air, charges, disturbances, indicator
 from plant.rig.actuation import Actuation, with_ports, with_valves
 from plant.rig.disturbances import Disturbances, Held
 from plant.rig.events import MISFIRE, Event
@@ -66,6 +66,7 @@ def _at(p: PlantParams, motion: Motion) -> PlantState:
         contacts=0,
         waiting=(),
         manifold=air.still(p.intake, 1.0),
+        instruments=indicator.begun(p.config.winding),
     )
 
 

@@ -32,12 +32,14 @@ class PlantParams(Value):
 
     config: what the rest follows from, but for the engine, which stays as it was built
     rearm: the safe state ends when answers return, and needs no start
+    instrumented: whether pressures of cycles, or the winding, are measured
     """
 
     __slots__ = (
         "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
         "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
         "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves", "intake",
+        "instrumented",
     )  # fmt: skip
 
     def __init__(
@@ -46,7 +48,7 @@ class PlantParams(Value):
         injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
         noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool, valves: ValveActuators,
-        intake: Intake,
+        intake: Intake, instrumented: bool = False,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -69,6 +71,7 @@ class PlantParams(Value):
         self.rearm = rearm
         self.valves = valves
         self.intake = intake
+        self.instrumented = instrumented
 
 
 def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
@@ -128,4 +131,5 @@ def rig_params(
         rearm=rearm,
         valves=actuators_of(config.valves, seed, engine.valve_lift_m),
         intake=intake_of(config.air, prototype),
+        instrumented=config.indicator.on or config.winding.on,
     )

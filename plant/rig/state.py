@@ -13,6 +13,7 @@ from plant.engines.protocol import Charge, Motion
 from plant.rig.actuation import Actuation
 from plant.rig.air import Manifold
 from plant.rig.disturbances import Disturbances
+from plant.rig.indicator import UNUSED, Instruments
 
 
 @final
@@ -92,7 +93,7 @@ class PlantState(Value):
 
     __slots__ = (
         "tick", "motion", "stroke", "machine", "pulses", "disturbances", "dead_centre", "lit",
-        "stale", "latch", "contacts", "waiting", "manifold",
+        "stale", "latch", "contacts", "waiting", "manifold", "instruments",
     )  # fmt: skip
 
     def __init__(
@@ -110,6 +111,7 @@ class PlantState(Value):
         contacts: int,
         waiting: tuple[Command | None, ...],
         manifold: Manifold,
+        instruments: Instruments = UNUSED,
     ) -> None:
         self.tick = tick
         self.motion = motion
@@ -124,6 +126,7 @@ class PlantState(Value):
         self.contacts = contacts
         self.waiting = waiting
         self.manifold = manifold
+        self.instruments = instruments
 
     def but(
         self,
@@ -136,6 +139,7 @@ class PlantState(Value):
         dead_centre: DeadCentre | None = None,
         lit: Charge | None = None,
         manifold: Manifold | None = None,
+        instruments: Instruments | None = None,
     ) -> PlantState:
         """The same state with other parts, those that are named."""
         return PlantState(
@@ -152,6 +156,7 @@ class PlantState(Value):
             self.contacts,
             self.waiting,
             manifold or self.manifold,
+            instruments or self.instruments,
         )
 
     @property

@@ -26,6 +26,7 @@ from plant.rig import actuation, charges, induction, orders, valves
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
 from plant.rig.events import VALVE_CONTACT, Event
+from plant.rig.instruments import observed, told
 from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
 from plant.rig.stroke import act, end_stroke, moved, take_due
@@ -45,17 +46,21 @@ def step(p: PlantParams, s: PlantState, command: Command | None) -> tuple[PlantS
     Returns: the state at the start of the next tick, and what happened in this one, in order
     """
     events: list[Event] = []
+    if p.instrumented:
+        s = told(p, s)
     if s.pulses.valves.told:  # with the sample of this tick
         s = s.but(pulses=actuation.with_valves(s.pulses, valves.after_telling(s.pulses.valves)))
     if p.delay_ticks:
         s, command = orders.delayed(p, s, command)
-    before = s.machine
+    before, begun = s.machine, s
     s = orders.follow(p, s, command, events)
     if s.machine is not before and _differ(s.machine, before):
         s = act(p, s, s.tick * p.period_ns, events)
     after = _quiet_tick(p, s)
     if after is None:
         after = _busy_tick(p, s, events)
+    if p.instrumented:
+        after = observed(p, begun, after)
     return after, tuple(events) if events else _NO_EVENTS
 
 
@@ -87,7 +92,7 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
 def _at_next_tick(s: PlantState, motion: Motion, pulses: Actuation) -> PlantState:
     return PlantState(
         s.tick + 1, motion, s.stroke, s.machine, pulses, s.disturbances, s.dead_centre,
-        s.lit, s.stale, s.latch, s.contacts, s.waiting, s.manifold,
+        s.lit, s.stale, s.latch, s.contacts, s.waiting, s.manifold, s.instruments,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from plant.rig import charges, disturbances
 from plant.rig.charges import LEFT, RIGHT, SIDES
 from plant.rig.disturbances import Due, Edge, Held
 from plant.rig.events import AT_REST, CONTACT, DISTURBANCE, IN_MOTION, Event
+from plant.rig.instruments import ended, read
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
 from plant.rig.state import DeadCentre, PlantState, Stroke
@@ -39,10 +40,14 @@ def end_stroke(
     s = s.but(disturbances=d)
     if p.engine.ignition != BY_SPARK:
         s = begin_at_once(p, s, taken, dc_ns, held, events)
+    if p.instrumented:
+        s = read(p, s, motion, stop.t_ns)
     number = s.dead_centre.number + stop.times
     s, charge = charges.at_dead_centre(p, s, stop, number, events)
     s = next_stroke(s, number, -s.stroke.direction, dc_ns, stop.x_m, charge)
     s = moved(p, s, p.engine.turn(motion, s.machine, charge, stop), now_ns, events)
+    if p.instrumented:
+        s = ended(p, read(p, s, s.motion, stop.t_ns), LEFT if side == RIGHT else RIGHT)
     return expect(p, s, taken, now_ns, stop.lasted_s)
 
 

@@ -17,7 +17,8 @@ from hil.wire.messages import PistonSample
 from plant.log import pack_valves
 from plant.rig.state import Command
 from plant.rig.step import step
-from plant.sensors import sample, sensed, valve_move
+from plant.sample_frames import beside
+from plant.sensors import sample, sensed
 
 
 class ValveRun:
@@ -42,7 +43,7 @@ class ValveRun:
         mind, command = controller.build.initial_state(law), Command()
         for tick in range(self.scenario.ticks):
             s = self.state
-            seen, valve = sample(self.params, s), valve_move(self.params, s)
+            seen, valve = sample(self.params, s), beside(self.params, s)
             power_w = float(nearest(sensed(self.params, s).electric_power_w))
             self.path.append((tick * 1e6, s.x_m, s.v_m_s))
             self.state, events = step(self.params, s, None if tick in lost else command)

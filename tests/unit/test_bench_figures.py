@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.api.judgement import cut_short
+from bench.dev.golden_cases import LOCKSTEP, Case, scenario_for
 from bench.judge.checks import judge
 from bench.judge.figure_table import FIGURES
 from bench.judge.figures import event_figures, figures, read_run
@@ -16,6 +17,9 @@ from bench.judge.response import BAND_MM, settled_after_s
 from bench.judge.response import response as response_of
 from bench.judge.strokes import Strokes, set_point_at
 from bench.judge.summary import summarise, summarise_fault, write
+from bench.run.directory import RunFiles
+from bench.run.memory.execution import execute_here
+from hil.config.prototypes import NU
 
 LOAD = (260_000_000, "disturbance", "load (load-scale) begins")
 RESPONSE = [0.0] * 10 + [1.9, 1.2, -0.3, 0.05] + [0.02] * 20
@@ -76,8 +80,8 @@ def test_skipped_ticks_take_no_power_off_the_mean(tmp_path):
 def test_energy_is_power_times_time(response):
     found = figures(response, 0.5)
     assert found["electric_energy_j"] == pytest.approx(100.0 * 1.0)
-    kwh = found["electric_energy_j"] / 3.6e6
-    assert found["brake_fuel_kg_kwh"] == pytest.approx(found["fuel_total_mg"] * 1e-6 / kwh)
+    fuel_kg_s = found["fuel_mean_mg"] * 1e-6 * 2.0 * found["frequency_mean_hz"]
+    assert found["brake_fuel_kg_kwh"] == pytest.approx(fuel_kg_s / 100.0 * 3.6e6)
     assert found["electric_power_mean_w"] == pytest.approx(100.0)
     assert found["speed_sim_s_per_wall_s"] == pytest.approx(2.0)
 
@@ -259,3 +263,18 @@ def test_a_log_that_is_not_whole_is_in_the_summary_with_what_its_recorder_saw(re
     )
     told = cut_short(cut._replace(scenario=longer))
     assert told["error"] == ("the plant's log lacks 1000 of 2000 ticks: 9 ticks found no room")
+
+
+def test_the_indicated_work_is_that_of_charges_that_burn_at_the_dead_centre(tmp_path):
+    """W = E / (gamma - 1) ((Ls/(Ls-X))^(gamma-1) - (Ls/(Ls+X))^(gamma-1)) a stroke, eq. 5.9 ff."""
+    scenario = scenario_for(Case("imep", "steady", (("run.duration_s", 0.4),)), LOCKSTEP)
+    execute_here(scenario, RunFiles(tmp_path))
+    found = figures(read_run(scenario, RunFiles(tmp_path)), None)
+    x, size, less = NU.tdc_ref_m, NU.half_stroke_m, NU.gamma - 1.0
+    ratios = (size / (size - x)) ** less - (size / (size + x)) ** less
+    work_j = 2.8185e-6 * NU.energy_j_kg / less * ratios
+    power_w = work_j * 2.0 * found["frequency_mean_hz"]
+    assert found["indicated_power_mean_w"] == pytest.approx(power_w, rel=2e-3)
+    assert found["imep_bar"] == pytest.approx(work_j / (NU.area_m2 * 2 * x) * 1e-5, rel=2e-3)
+    fuel = 2.8185e-6 / work_j * 3.6e6
+    assert found["indicated_fuel_kg_kwh"] == pytest.approx(fuel, rel=2e-3)

@@ -10,7 +10,14 @@ from hil.values import replace
 from hil.wire.codec import FRAME, Decoder, Encoder, frames_of
 from hil.wire.e2e import ReceptionCounts, counter_marks, protect
 from hil.wire.fields import LAYOUTS, layout_of
-from hil.wire.messages import ControllerTick, MachineCommand, PistonSample, PlantTick, Pulse
+from hil.wire.messages import (
+    ControllerTick,
+    CylinderPeak,
+    MachineCommand,
+    PistonSample,
+    PlantTick,
+    Pulse,
+)
 
 NAN = math.nan
 HEAD = PlantTick(7, 2, 0, 123.0, NAN, NAN)
@@ -65,7 +72,7 @@ def test_only_the_selected_slow_signal_is_on_the_wire():
         (PistonSample(0.0, math.inf), r"PistonSample\.v_m_s = inf: accepted -8 to 8 m/s"),
         (PistonSample(-math.inf, 0.0), r"PistonSample\.x_m = -inf: accepted -0\.08 to 0\.08"),
         (PlantTick(1, 2, 2, NAN, NAN, NAN), r"PlantTick\.p_right_pa = nan: accepted 0 to"),
-        (PlantTick(1, 2, 3, NAN, NAN, NAN), r"PlantTick\.slow = 3: accepted 0 to 2"),
+        (PlantTick(1, 2, 4, NAN, NAN, NAN), r"PlantTick\.slow = 4: accepted 0 to 3"),
         (PlantTick(1 << 32, 2, 0, 0.0, NAN, NAN), r"PlantTick\.tick = 4294967296: accepted 0 to"),
         (PlantTick(1, 0, 0, 0.0, NAN, NAN), r"PlantTick\.frame_count = 0: accepted 1 to 7"),
         (ControllerTick(1, 2, 5), r"ControllerTick\.mode = 5: accepted 0 to 4"),
@@ -142,7 +149,7 @@ def test_frame_of_another_sender_or_of_nobody_is_unknown(can_id):
     [
         (SAMPLE, "plant", 8_000_001 << 12),
         (SAMPLE, "plant", 0x7FFFFF << 36),
-        (HEAD, "plant", 3 << 47 | 1 << 44),
+        (CylinderPeak(0, 1e5, 0.0, 0.0), "plant", 0x1FFFF << 28),
         (HEAD, "plant", 0),
         (ControllerTick(1, 2, 0), "controller", 7 << 47 | 1 << 44),
         (MACHINE, "controller", 3 << 12),

@@ -13,7 +13,7 @@ from mypy_extensions import i64
 from hil.rounding import SHIFT
 from hil.wire.e2e import BYTE_7, PAIR_1_2, PAIR_3_4, PAIR_5_6, counter_marks
 from hil.wire.fields import LAYOUTS
-from hil.wire.messages import PistonSample, PlantTick, ValveMove
+from hil.wire.messages import CylinderPeak, PistonSample, PlantTick, ValveMove
 from hil.wire.stream import Stream, refuse
 
 _NAN: Final = float("nan")
@@ -44,7 +44,7 @@ class PlantTickStream(Stream[PlantTick]):
             refuse(message, "frame_count")
         word |= frame_count << 44
         slow = message.slow
-        if not 0 <= slow <= 2:
+        if not 0 <= slow <= 3:
             refuse(message, "slow")
         word |= slow << 47
         if slow == 0:
@@ -65,6 +65,12 @@ class PlantTickStream(Stream[PlantTick]):
                 refuse(message, "p_right_pa")
             raw = int(p_right_pa)
             word |= ((raw ^ 16384) - 16384) << 49
+        if slow == 3:
+            winding_k = (message.winding_k / 0.02 + SHIFT) - SHIFT
+            if not 0.0 <= winding_k <= 32767.0:
+                refuse(message, "winding_k")
+            raw = int(winding_k)
+            word |= ((raw ^ 16384) - 16384) << 49
         return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
 
     def take(self, counter: i64, word: i64) -> bool:
@@ -77,8 +83,6 @@ class PlantTickStream(Stream[PlantTick]):
         if not 1 <= frame_count <= 7:
             return True
         slow = word >> 47 & 3
-        if not 0 <= slow <= 2:
-            return True
         electric_power_w = _NAN
         if slow == 0:
             electric_power_w_raw: int = (word >> 49 & 32767 ^ 16384) - 16384
@@ -91,7 +95,11 @@ class PlantTickStream(Stream[PlantTick]):
         if slow == 2:
             p_right_pa_raw: int = word >> 49 & 32767
             p_right_pa = p_right_pa_raw * 1000.0
-        self.message = PlantTick(tick, frame_count, slow, electric_power_w, p_left_pa, p_right_pa)
+        winding_k = _NAN
+        if slow == 3:
+            winding_k_raw: int = word >> 49 & 32767
+            winding_k = winding_k_raw * 0.02
+        self.message = PlantTick(tick, frame_count, slow, electric_power_w, p_left_pa, p_right_pa, winding_k)
         return True
 
 
@@ -188,8 +196,64 @@ class ValveMoveStream(Stream[ValveMove]):
         return True
 
 
+_CYLINDER_PEAK_MARKS: Final = counter_marks(LAYOUTS[0x103].data_ids)
+
+
+@final
+class CylinderPeakStream(Stream[CylinderPeak]):
+    """CylinderPeak on its way in one direction."""
+
+    __slots__ = ()
+
+    def __init__(self) -> None:
+        super().__init__(0x103, _CYLINDER_PEAK_MARKS)
+
+    def pack(self, message: CylinderPeak) -> i64:
+        """Return the bare word of a message."""
+        word: i64 = 0
+        raw: i64
+        side = message.side
+        if not 0 <= side <= 1:
+            refuse(message, "side")
+        word |= side << 12
+        p_peak_pa = (message.p_peak_pa / 1000.0 + SHIFT) - SHIFT
+        if not 0.0 <= p_peak_pa <= 32767.0:
+            refuse(message, "p_peak_pa")
+        raw = int(p_peak_pa)
+        word |= raw << 13
+        x_peak_m = (message.x_peak_m / 1e-06 + SHIFT) - SHIFT
+        if not -80000.0 <= x_peak_m <= 80000.0:
+            refuse(message, "x_peak_m")
+        raw = int(x_peak_m)
+        word |= (raw & 262143) << 28
+        rise_pa_s = (message.rise_pa_s / 1000000.0 + SHIFT) - SHIFT
+        if not 0.0 <= rise_pa_s <= 262143.0:
+            refuse(message, "rise_pa_s")
+        raw = int(rise_pa_s)
+        word |= ((raw ^ 131072) - 131072) << 46
+        return word | PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]
+
+    def take(self, counter: i64, word: i64) -> bool:
+        """Go on from a bare word if its CRC is right."""
+        if (PAIR_1_2[word >> 8 & 65535] ^ PAIR_3_4[word >> 24 & 65535] ^ PAIR_5_6[word >> 40 & 65535] ^ BYTE_7[word >> 56 & 255]) != word & 0xFFF:
+            return False
+        self.counter, self.bare, self.message = counter, word, None
+        side = word >> 12 & 1
+        p_peak_pa_raw: int = word >> 13 & 32767
+        p_peak_pa = p_peak_pa_raw * 1000.0
+        x_peak_m_raw: int = (word >> 28 & 262143 ^ 131072) - 131072
+        if not -80000 <= x_peak_m_raw <= 80000:
+            return True
+        x_peak_m = x_peak_m_raw * 1e-06
+        rise_pa_s_raw: int = word >> 46 & 262143
+        rise_pa_s = rise_pa_s_raw * 1000000.0
+        self.message = CylinderPeak(side, p_peak_pa, x_peak_m, rise_pa_s)
+        return True
+
+
 STREAMS: Final[dict[type, Callable[[], Stream[Any]]]] = {
     PlantTick: PlantTickStream,
     PistonSample: PistonSampleStream,
     ValveMove: ValveMoveStream,
+    CylinderPeak: CylinderPeakStream,
 }

@@ -47,7 +47,7 @@ N_Y: Final = 39
     LOAD_SCALE,
     SPEED_REF,  # speed that a servo holds [m/s]; 0: the machine gives a force
 ) = range(16)
-CYL, CYL_STRIDE = 16, 10
+CYL, CYL_STRIDE = 16, 15
 (
     INTAKE,  # 1 open
     EXHAUST,
@@ -59,7 +59,12 @@ CYL, CYL_STRIDE = 16, 10
     P_MAX_T,
     INTAKE_LINE,  # 1: this valve follows its TTL line, no longer the piston
     EXHAUST_LINE,
-) = range(10)
+    P_MAX_X,  # position at the greatest pressure
+    RISE_MAX,  # steepest rise of the pressure since the cylinder's last bottom dead centre [Pa/s]
+    CYCLE_P,  # of the cycle that ended there: greatest pressure, its position, steepest rise
+    CYCLE_X,
+    CYCLE_RISE,
+) = range(15)
 N_D: Final = CYL + 2 * CYL_STRIDE
 NEVER: Final = 1.0e30
 LOAD_CONSTANT, CIRCUIT, DQ = range(3)

@@ -169,6 +169,11 @@ class DetailedEngine(Engine):
         c = self.engine.calibration
         return c.left.length_m + m.x_m, c.right.length_m - m.x_m
 
+    def cycle(self, m: Motion, side: int) -> tuple[float, float, float]:
+        """Peak pressure, its position and steepest rise, as every step of the solver saw it."""
+        d, e = np.frombuffer(_state(m).d), at.CYL + side * at.CYL_STRIDE
+        return float(d[e + at.CYCLE_P]), float(d[e + at.CYCLE_X]), float(d[e + at.CYCLE_RISE])
+
     def stroke_s(self, m: Motion, _machine: Machine, _now_ns: int, _begun_ns: int) -> float:
         """The last stroke the same way; how this one ends is not known before it is over."""
         return _state(m).before_s

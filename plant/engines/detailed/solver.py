@@ -84,7 +84,8 @@ def watch_peaks(p: Array, d: Array, y: Array, k1: Array, t: float, h: float) -> 
             best = max(best, cubic_top(old, old_rate, p_gas, rate, h))
         if best > d[e + at.P_MAX]:
             d[e + at.P_MAX] = best
-            d[e + at.P_MAX_T] = t
+            d[e + at.P_MAX_T], d[e + at.P_MAX_X] = t, y[at.X]
+        d[e + at.RISE_MAX] = max(d[e + at.RISE_MAX], rate)
         d[e + at.P_OLD] = p_gas
         d[e + at.DP_OLD] = rate
     d[at.V_MAX] = max(d[at.V_MAX], abs(y[at.V]))
@@ -264,7 +265,9 @@ def turn(p: Array, d: Array, y: Array, programme: Array, slope: Array) -> None:
     """Reverse, or stay where the forces do not exceed the machine's friction."""
     c = 1 if d[at.DIRECTION] > 0.0 else 0
     other = at.CYL + (1 - c) * at.CYL_STRIDE
-    d[other + at.P_MAX] = 0.0
+    d[other + at.CYCLE_P], d[other + at.CYCLE_X] = d[other + at.P_MAX], d[other + at.P_MAX_X]
+    d[other + at.CYCLE_RISE] = d[other + at.RISE_MAX]
+    d[other + at.P_MAX] = d[other + at.RISE_MAX] = 0.0
     onward = -d[at.DIRECTION]
     d[at.DIRECTION] = onward
     enter_stroke(p, d, y, programme, True)
