@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from mypy_extensions import i64
 
 from controller.motion.maps.stroke_map import StrokeMap
 from controller.observe.estimate import Motion
 from hil.rounding import nearest
+
+_MAP_ERROR: Final = 0.01
 
 
 def seconds_ahead(
@@ -35,6 +39,20 @@ def seconds_to_spark(
     q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
     z, v, tau = motion.z_m, motion.speed_m_s, motion.tau_s
     return min(stroke_map.reach(q, load_n_s_m, z, v, tau, position_m) + advance_s, ahead_s)
+
+
+def wanted_work(
+    stroke_map: StrokeMap, motion: Motion, load_n_s_m: float, burnt_kg: tuple[float, float],
+    target_m: float, fuel_kg: float,
+) -> float:  # fmt: skip
+    """What of its work a charge should do so that the stroke after it ends at a target, as a share.
+
+    1 within what a map is wrong by.
+    """
+    q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
+    end_m, _ = stroke_map.travel(q, load_n_s_m, motion.z_m, motion.speed_m_s, motion.tau_s)
+    share = stroke_map.charge_for(load_n_s_m, end_m, target_m, fuel_kg) / fuel_kg
+    return share if abs(share - 1.0) > _MAP_ERROR else 1.0
 
 
 def unseen_dead_centre(

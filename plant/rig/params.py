@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final, final
 
@@ -17,6 +18,7 @@ from plant.engines.protocol import Engine
 from plant.rig.actuation import Injector
 from plant.rig.air import Intake, intake_of
 from plant.rig.disturbances import Edge, compile_edges
+from plant.rig.ignition import Ignition, ignition_of
 from plant.rig.port import wall_of
 from plant.rig.valves import ValveActuators, actuators_of
 
@@ -38,6 +40,7 @@ class PlantParams(Value):
         "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
         "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
         "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves", "intake",
+        "ignition",
     )  # fmt: skip
 
     def __init__(
@@ -46,7 +49,7 @@ class PlantParams(Value):
         injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
         noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool, valves: ValveActuators,
-        intake: Intake,
+        intake: Intake, ignition: Ignition,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -69,6 +72,7 @@ class PlantParams(Value):
         self.rearm = rearm
         self.valves = valves
         self.intake = intake
+        self.ignition = ignition
 
 
 def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
@@ -79,6 +83,11 @@ def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
         config.dead_time_s * SECOND_NS,
         wall_of(config, half_stroke_m),
     )
+
+
+def window_ns(window_s: float | None) -> float:
+    """The longest time from spark to dead centre; without one compression alone tells [ns]."""
+    return math.inf if window_s is None else window_s * SECOND_NS
 
 
 def is_noisy(config: SensorConfig) -> bool:
@@ -114,7 +123,7 @@ def rig_params(
         stale_ticks=stale_ticks(config.stale_s, period_ns),
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
-        spark_window_ns=config.spark_window_s * SECOND_NS,
+        spark_window_ns=window_ns(config.spark_window_s),
         injector=injector_of(config.injector, prototype.half_stroke_m),
         fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
         fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
@@ -128,4 +137,5 @@ def rig_params(
         rearm=rearm,
         valves=actuators_of(config.valves, seed, engine.valve_lift_m),
         intake=intake_of(config.air, prototype),
+        ignition=ignition_of(config.ignition, prototype),
     )
