@@ -19,7 +19,7 @@ from mypy_extensions import i64
 from controller.observe.estimate import Motion
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import Plan, PlannedPulse, Timings
-from hil.config.injection import InjectorKnowledge
+from hil.config.charge.injection import InjectorKnowledge
 from hil.rounding import nearest
 from hil.values import Value
 

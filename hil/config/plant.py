@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
-from hil.config.ignition import IgnitionConfig
-from hil.config.injection import InjectorConfig
+from hil.config.charge.ignition import IgnitionConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
     STALE_S,

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import FIXED, Section, Tunable
-from hil.config.ignition import Leads, Works
+from hil.config.charge.ignition import Leads, Works
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]

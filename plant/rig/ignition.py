@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import final
 
-from hil.config.ignition import IgnitionConfig
+from hil.config.charge.ignition import IgnitionConfig
 from hil.config.prototypes import Prototype
 from hil.values import Value
 

@@ -8,7 +8,7 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from hil.config.injection import InjectorConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.plant import PlantConfig, SensorConfig
 from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError

@@ -8,7 +8,7 @@ from bench.run import scenarios
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.studies.engine.ignition import compression, estimates
-from hil.config.ignition import IgnitionConfig
+from hil.config.charge.ignition import IgnitionConfig
 from hil.config.load import build, with_override
 from hil.config.prototypes import BIT, NU
 from hil.errors import ConfigError

@@ -12,8 +12,8 @@ from controller.observe.estimate import Motion, seconds_to_dead_centre
 from controller.timing.injection import plan_injection
 from controller.timing.plan import Plan, PlannedPulse, Timings
 from controller.timing.spark import may_move, plan_spark
+from hil.config.charge.injection import InjectorKnowledge
 from hil.config.controller import ControllerConfig
-from hil.config.injection import InjectorKnowledge
 from hil.config.load import build
 from hil.values import replace
 from hil.wire.messages import SPARK_LEFT
