@@ -18,7 +18,7 @@ from controller.mode.operation import decide, is_uneventful
 from controller.mode.start_restart import GENERATING, MOTORING, Mode
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND, Law, View
-from controller.motion.prediction import seconds_to_spark
+from controller.motion.prediction import seconds_to_spark, wanted_work
 from controller.observe import power
 from controller.observe.estimate import (
     Motion,
@@ -167,7 +167,7 @@ def _burnt(state: State, motion: Motion) -> Fuelling:
 
     At the dead centre at which a run begins noise may show one more, for which nothing is planned.
     """
-    fuel_kg = state.in_force.fuel_kg
+    fuel_kg = state.in_force.fuel_kg * state.in_force.work
     apart_ns = motion.dc_t_ns - state.motion.dc_t_ns
     if fuel_kg == 0.0 and float(apart_ns) < SHORTEST_STROKE * state.set_points.point.stroke_s * 1e9:
         return state.fuelling.demanding(NO_DEMAND)
@@ -248,14 +248,20 @@ def _with_spark(
         place_m += params.guard.retard_m(protection)
     if mode is GENERATING:
         braked = params.law_of(fuelling.law_name).load_of(fuelling.law, braked)
-    if place_m is not None:
+    lead_s, work = advance_s, 1.0
+    if place_m is not None and (stroke_map is None or not stroke_map.tells_force):
         seconds = position.seconds_to_spark(
             params.engine, motion, params.dt_s, braked, place_m, advance_s
         )
     elif stroke_map is not None:
-        seconds = seconds_to_spark(stroke_map, motion, braked, charges, None, advance_s)
+        seconds = seconds_to_spark(stroke_map, motion, braked, charges, place_m, advance_s)
+        if timings.spark_trim:
+            wanted = wanted_work(
+                stroke_map, motion, braked, charges, set_points.tdc_ref_m, plan.fuel_kg
+            )
+            lead_s, work = timings.lead_for(wanted)
     else:
         seconds = seconds_to_dead_centre(motion, params.dt_s, math.pi / set_points.point.stroke_s)
         if is_far(timings, plan, pulses, motion.side_ahead, seconds):
             return plan
-    return plan_spark(timings, plan, motion, t_ns, period_ns, seconds)
+    return plan_spark(timings, plan, motion, t_ns, period_ns, seconds, lead_s, work)

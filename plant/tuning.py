@@ -9,8 +9,9 @@ from hil.config.ranges import stale_ticks
 from hil.names.parameters import apply
 from hil.values import replace
 from plant.rig.events import Event
+from plant.rig.ignition import ignition_of
 from plant.rig.orders import obey
-from plant.rig.params import SECOND_NS, PlantParams, injector_of, is_noisy
+from plant.rig.params import PlantParams, injector_of, is_noisy, window_ns
 from plant.rig.state import PlantState
 from plant.rig.stroke import act
 
@@ -23,7 +24,8 @@ def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
         config=config,
         load_coefficient_n_s_m=p.load_coefficient_n_s_m if load_n_s_m is None else load_n_s_m,
         stale_ticks=stale_ticks(config.stale_s, p.period_ns),
-        spark_window_ns=config.spark_window_s * SECOND_NS,
+        spark_window_ns=window_ns(config.spark_window_s),
+        ignition=ignition_of(config.ignition, config.resolved_prototype()),
         injector=injector_of(config.injector, config.resolved_prototype().half_stroke_m),
         sensors=config.sensors,
         noisy=is_noisy(config.sensors),

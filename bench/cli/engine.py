@@ -55,6 +55,23 @@ def sweep(
         _settled(over, engine, file)
 
 
+@app.command()
+def ignition(
+    prototype: Annotated[str, typer.Option(help="Engine of two chambers: nu or bit.")] = "nu",
+    *,
+    estimate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL", help="Also estimate dead centres, and run that model beside."
+        ),
+    ] = None,
+) -> None:
+    """Print best-torque and knock-limited ignition, and what the spark's place is worth."""
+    from bench.studies.engine import ignition_page
+
+    ignition_page.show(prototype, estimate)
+
+
 def _settled(over: Over, engine: str, out: Output | None) -> None:
     from bench.studies.engine import charts
     from bench.studies.engine import sweep as engine_sweep

@@ -136,7 +136,7 @@ def _figures(config: PlantConfig) -> list[Variable]:
         _own("energy_j_kg", "J/kg", "energy released for a mass of fuel", engine.energy_j_kg),
         _own("restitution", "1", "speed kept at a contact", engine.restitution),
         _own("spark_window_s", "s", "longest time from spark to dead centre",
-             config.spark_window_s),
+             config.spark_window_s or 0.05),
     ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from bench.run.checks.protection import check_protection
 from bench.run.checks.signals import check_expectations
 from bench.run.checks.stimuli import check_stimuli, loaded
-from bench.run.filling import detailed, fmu, port
+from bench.run.filling import detailed, fmu, ignition, port
 from bench.run.filling.start_load import start_load
 from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
@@ -111,6 +111,7 @@ def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
     tree["controller"]["own"] = _own(scenario)
     budget.fit(scenario, tree)
     port.fill(scenario, tree)
+    ignition.fill(scenario, tree)
     if sockets is not None:
         _fill_endpoints(scenario, sockets, tree["link"]["zenoh"])
     return check(Resolved, tree, scenario.name)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from mypy_extensions import i64
 
 from controller.motion.maps.stroke_map import StrokeMap
 from controller.observe.estimate import Motion
 from hil.rounding import nearest
+
+_MAP_ERROR: Final = 0.01
+_MOST_STROKES: Final = 100
+_SETTLED_M: Final = 1e-7
 
 
 def seconds_ahead(
@@ -35,6 +41,35 @@ def seconds_to_spark(
     q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
     z, v, tau = motion.z_m, motion.speed_m_s, motion.tau_s
     return min(stroke_map.reach(q, load_n_s_m, z, v, tau, position_m) + advance_s, ahead_s)
+
+
+def wanted_work(
+    stroke_map: StrokeMap, motion: Motion, load_n_s_m: float, burnt_kg: tuple[float, float],
+    target_m: float, fuel_kg: float,
+) -> float:  # fmt: skip
+    """What of its work a charge should do so that the stroke after it ends at a target, as a share.
+
+    1 within what a map is wrong by.
+    """
+    q = burnt_kg[0] if motion.side == 0 else burnt_kg[1]
+    end_m, _ = stroke_map.travel(q, load_n_s_m, motion.z_m, motion.speed_m_s, motion.tau_s)
+    share = stroke_map.charge_for(load_n_s_m, end_m, target_m, fuel_kg) / fuel_kg
+    return share if abs(share - 1.0) > _MAP_ERROR else 1.0
+
+
+def steady_dead_centre(
+    stroke_map: StrokeMap, fuel_kg: float, work: float, load_n_s_m: float, guess_m: float
+) -> float:
+    """The dead centre that strokes on a fuel and an ignition settle at: X = X_end(m w, c, X) [m].
+
+    Parameters: work : of the charge by its spark's place, as a share of its planned one
+    """
+    end_m = guess_m
+    for _ in range(_MOST_STROKES):
+        before_m, end_m = end_m, stroke_map.end_of(fuel_kg * work, load_n_s_m, end_m)
+        if abs(end_m - before_m) < _SETTLED_M:
+            break
+    return end_m
 
 
 def unseen_dead_centre(

@@ -72,7 +72,7 @@ def postponed(timings: Timings, plan: Plan, dead_centre_ns: i64) -> Plan:
     low_by_ns = dead_centre_ns - nearest(timings.injection_margin_s * 1e9)
     open_ns = max(old.open_ns, whole_us(low_by_ns - old.duration_ns))
     later = PlannedPulse(old.channel, open_ns, old.duration_ns)
-    return Plan(later, plan.spark, plan.fuel_kg, plan.later_kg)
+    return Plan(later, plan.spark, plan.fuel_kg, plan.later_kg, plan.work)
 
 
 def is_far(

@@ -55,4 +55,10 @@ def retime_injection(
     close_ns = max(min(wanted_ns, whole_us(low_by_ns)), whole_us(acts_ns))
     flowing_s = float(close_ns - open_ns) * 1e-9 - dead_s
     burnt_kg = fuel_kg if close_ns == wanted_ns else max(flowing_s * flow, 0.0)
-    return Plan(PlannedPulse(old.channel, open_ns, close_ns - open_ns), plan.spark, burnt_kg)
+    return Plan(
+        PlannedPulse(old.channel, open_ns, close_ns - open_ns),
+        plan.spark,
+        burnt_kg,
+        -1.0,
+        plan.work,
+    )

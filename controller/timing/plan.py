@@ -21,6 +21,8 @@ class Timings:
         self.spark_position_m = timing.spark_position_m
         self.fires = timing.fires
         self.spark_advance_s = timing.spark_advance_s
+        self.spark_trim = timing.spark_trim and len(timing.spark_lead_s) > 1
+        self.leads_s, self.factors = timing.spark_lead_s, timing.spark_factor
         self.spark_duration_s = timing.spark_duration_s
         self.spark_ahead_s = timing.spark_ahead_s
         self.injection_lead_ticks: i64 = timing.injection_lead_ticks
@@ -30,6 +32,22 @@ class Timings:
         self.trim_margin_s = timing.trim_margin_s
         self.static_flow_kg_s = injector.static_flow_kg_s
         self.dead_time_s = injector.dead_time_s
+
+    def lead_for(self, work: float) -> tuple[float, float]:
+        """The lead of the spark with which a charge does so much of its planned work, or nearest.
+
+        Of the rising side of the map, up to the most work. Returns: lead [s], and that work
+        """
+        leads, factors = self.leads_s, self.factors
+        if work <= factors[0]:
+            return leads[0], factors[0]
+        for n in range(len(leads) - 1):
+            low, high = factors[n], factors[n + 1]
+            if high <= low:
+                return leads[n], low
+            if work <= high:
+                return leads[n] + (work - low) / (high - low) * (leads[n + 1] - leads[n]), work
+        return leads[-1], factors[-1]
 
     def fire(self, stroke: i64) -> bool:
         """Whether a stroke ends in a combustion; one of a four-stroke gas exchange does not."""
@@ -59,18 +77,20 @@ class Plan(Value):
 
     later_kg: what the injection is for, where it burns at the dead centre after that; below 0 where
         it burns at the dead centre ahead
+    work: of that fuel by the spark's place, as a share of its planned one
     """
 
-    __slots__ = ("injection", "spark", "fuel_kg", "later_kg")
+    __slots__ = ("injection", "spark", "fuel_kg", "later_kg", "work")
 
     def __init__(
         self, injection: PlannedPulse | None = None, spark: PlannedPulse | None = None,
-        fuel_kg: float = 0.0, later_kg: float = -1.0,
+        fuel_kg: float = 0.0, later_kg: float = -1.0, work: float = 1.0,
     ) -> None:  # fmt: skip
         self.injection = injection
         self.spark = spark
         self.fuel_kg = fuel_kg
         self.later_kg = later_kg
+        self.work = work
 
     @property
     def asked_kg(self) -> float:

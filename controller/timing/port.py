@@ -19,7 +19,7 @@ from mypy_extensions import i64
 from controller.observe.estimate import Motion
 from controller.timing.injection import plan_injection, retime_injection
 from controller.timing.plan import Plan, PlannedPulse, Timings
-from hil.config.injection import InjectorKnowledge
+from hil.config.charge.injection import InjectorKnowledge
 from hil.rounding import nearest
 from hil.values import Value
 
@@ -102,7 +102,7 @@ def plan(
     pulse = plan_injection(timings, motion, t_ns, period_ns, stroke_s, mass_kg).injection
     assert pulse is not None
     placed = PlannedPulse(side, pulse.open_ns, pulse.duration_ns)
-    return Plan(placed, before.spark, before.fuel_kg, fuel_kg)
+    return Plan(placed, before.spark, before.fuel_kg, fuel_kg, before.work)
 
 
 def retime(
@@ -119,7 +119,7 @@ def retime(
     if after is before:  # nothing can reach it any more
         return before
     fed_kg = fuel_kg if after.fuel_kg == mass_kg else evaporates_kg + goes_in * after.fuel_kg
-    return Plan(after.injection, before.spark, before.fuel_kg, fed_kg)
+    return Plan(after.injection, before.spark, before.fuel_kg, fed_kg, before.work)
 
 
 def after_dead_centre(

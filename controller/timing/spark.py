@@ -34,13 +34,15 @@ def may_move(timings: Timings, plan: Plan, t_ns: i64, period_ns: i64) -> bool:
 
 
 def plan_spark(
-    timings: Timings, plan: Plan, motion: Motion, t_ns: i64, period_ns: i64, seconds: float
-) -> Plan:
+    timings: Timings, plan: Plan, motion: Motion, t_ns: i64, period_ns: i64, seconds: float,
+    lead_s: float, work: float = 1.0,
+) -> Plan:  # fmt: skip
     """Place the spark, unless it would move by less than `SPARK_STEP_NS`.
 
-    Parameters: seconds : time from the sample to the dead centre [s]
+    Parameters: seconds : time from the sample to the dead centre [s]; lead_s : from the spark to
+        it; work : that the charge does with that lead
     """
-    open_ns = motion.t_ns + nearest((seconds - timings.spark_advance_s) * 1e9)
+    open_ns = motion.t_ns + nearest((seconds - lead_s) * 1e9)
     if float(open_ns - t_ns) > timings.spark_ahead_s * 1e9:
         return plan
     old = plan.spark
@@ -49,4 +51,4 @@ def plan_spark(
     open_ns = whole_us(max(open_ns, t_ns + timings.act_ticks * period_ns))
     duration_ns = nearest(timings.spark_duration_s * 1e6) * US
     spark = PlannedPulse(_LEFT + motion.side_ahead, open_ns, duration_ns)
-    return Plan(plan.injection, spark, plan.fuel_kg, plan.later_kg)
+    return Plan(plan.injection, spark, plan.fuel_kg, plan.later_kg, work)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from hil.brought import SUFFIX, name_of
 from hil.config.base import LIVE, Section, Tunable
-from hil.config.injection import InjectorKnowledge
+from hil.config.charge.injection import InjectorKnowledge
 from hil.config.motion.cycle import CycleConfig
 from hil.config.motion.laws import (
     LearningConfig,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
-from hil.config.injection import InjectorConfig
+from hil.config.charge.ignition import IgnitionConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
     STALE_S,
@@ -209,9 +210,16 @@ class PlantConfig(Section):
         "programme", description="what moves the machine of a four-stroke engine; set by the bench"
     )
     disturbance: DisturbanceConfig = DisturbanceConfig()
+    spark_window_s: float | None = Field(
+        None,
+        gt=0.0,
+        le=0.05,
+        json_schema_extra=LIVE,
+        description="longest time from spark to dead centre; none: compression alone tells",
+    )
+    ignition: IgnitionConfig = IgnitionConfig()
     indicator: IndicatorConfig = IndicatorConfig()
     winding: WindingConfig = WindingConfig()
-    spark_window_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=LIVE)] = 3.0e-3
     contact_restitution: Restitution = DEFAULT.contact_restitution
     stale_s: StaleS = Field(
         default=STALE_S, description="silence borne of the controller", json_schema_extra=LIVE

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hil.config.base import FIXED, Section, Tunable
+from hil.config.charge.ignition import Leads, Works
 
 Metres = Annotated[float, Field(gt=0.0, le=0.05)]
 StrokeTime = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -20,6 +21,9 @@ class TimingConfig(Tunable):
     act_ticks: ticks after a sample from which its answer is sure to act; what is due before stays
     spark_position_m: where the spark is, as distance from mid-stroke; else it comes
         spark_advance_s before the predicted dead centre
+    spark_trim: whether the spark corrects the dead centre that it is too late to correct by fuel
+    spark_lead_s, spark_factor: work of a charge by the time from spark to dead centre, as the
+        plant's map unless given
     fires: which strokes end in a combustion, over and over from the first one of the run
     trim_reserve: room behind an injection for more fuel, as a share of it, where the law may trim
     trim_margin_s: time before the dead centre by which also such fuel has flowed
@@ -30,7 +34,10 @@ class TimingConfig(Tunable):
     spark_position_m: float | None = Field(default=None, gt=0.0, le=0.05)
     valves: Literal["programme", "controller"] = Field("programme", json_schema_extra=FIXED)
     fires: tuple[bool, ...] = Field((True,), min_length=1, max_length=8, json_schema_extra=FIXED)
-    spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=2.8e-3)
+    spark_advance_s: float = Field(default=1.5e-3, ge=0.2e-3, le=8.0e-3)
+    spark_trim: bool = False
+    spark_lead_s: Leads = ()
+    spark_factor: Works = ()
     spark_duration_s: float = Field(default=0.5e-3, ge=0.01e-3, le=2.0e-3)
     spark_ahead_s: float = Field(default=10.0e-3, ge=1.0e-3, le=20.0e-3)
     injection_lead_ticks: int = Field(default=3, ge=1, le=20)

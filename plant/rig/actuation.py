@@ -24,9 +24,10 @@ class Actuation(Value):
     """The lines, and what has come of them since each side's last dead centre.
 
     ports: the intake ports, of injectors that feed them
+    spark_m: where the piston was at each spark, along +x
     """
 
-    __slots__ = ("table", "fuel_kg", "spark_ns", "valves", "ports")
+    __slots__ = ("table", "fuel_kg", "spark_ns", "valves", "ports", "spark_m")
 
     def __init__(
         self,
@@ -35,12 +36,14 @@ class Actuation(Value):
         spark_ns: tuple[i64, i64] = (-1, -1),
         valves: Valves = UNUSED,
         ports: tuple[Port, Port] = _BOTH_DRY,
+        spark_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.table = table
         self.fuel_kg = fuel_kg
         self.spark_ns = spark_ns
         self.valves = valves
         self.ports = ports
+        self.spark_m = spark_m
 
     @property
     def next_edge_ns(self) -> i64:
@@ -64,22 +67,28 @@ class Injector(Value):
 
 def with_table(a: Actuation, table: PulseTable) -> Actuation:
     """Let the lines be others."""
-    return Actuation(table, a.fuel_kg, a.spark_ns, a.valves, a.ports)
+    return Actuation(table, a.fuel_kg, a.spark_ns, a.valves, a.ports, a.spark_m)
 
 
 def with_valves(a: Actuation, after: Valves) -> Actuation:
     """Let the valves be others."""
-    return Actuation(a.table, a.fuel_kg, a.spark_ns, after, a.ports)
+    return Actuation(a.table, a.fuel_kg, a.spark_ns, after, a.ports, a.spark_m)
 
 
 def with_sparks(a: Actuation, spark_ns: tuple[i64, i64]) -> Actuation:
     """Let the sparks that are known be others."""
-    return Actuation(a.table, a.fuel_kg, spark_ns, a.valves, a.ports)
+    return Actuation(a.table, a.fuel_kg, spark_ns, a.valves, a.ports, a.spark_m)
+
+
+def with_place(a: Actuation, side: int, spark_m: float) -> Actuation:
+    """Enter where the piston was at the spark of a side."""
+    both = (spark_m, a.spark_m[1]) if side == 0 else (a.spark_m[0], spark_m)
+    return Actuation(a.table, a.fuel_kg, a.spark_ns, a.valves, a.ports, both)
 
 
 def with_ports(a: Actuation, ports: tuple[Port, Port]) -> Actuation:
     """Let the ports be others."""
-    return Actuation(a.table, a.fuel_kg, a.spark_ns, a.valves, ports)
+    return Actuation(a.table, a.fuel_kg, a.spark_ns, a.valves, ports, a.spark_m)
 
 
 def advance(
@@ -110,7 +119,7 @@ def advance(
             after = valves.ordered(after, actuators, edge)
         elif edge.high:
             spark_ns = with_spark(spark_ns, channel - SPARK_LEFT, edge.t_ns)
-    return Actuation(table, fuel_kg, spark_ns, valves.moved(after, to_ns), ports)
+    return Actuation(table, fuel_kg, spark_ns, valves.moved(after, to_ns), ports, a.spark_m)
 
 
 def _wetted(
@@ -136,7 +145,7 @@ def shut(a: Actuation, injector: Injector, side: int, t_ns: float, stroke: i64) 
     assert wall is not None, "an intake without a port"
     ports = _wetted(a.ports, injector, wall, side, a.table.lines[side].open, t_ns)
     ports = with_port(ports, side, port.shut(ports[side], stroke))
-    return Actuation(a.table, a.fuel_kg, a.spark_ns, a.valves, ports)
+    return Actuation(a.table, a.fuel_kg, a.spark_ns, a.valves, ports, a.spark_m)
 
 
 def flowed_kg(pulse: Pulse, injector: Injector, side: int, t_ns: float) -> float:
@@ -159,13 +168,17 @@ def scavenge(a: Actuation, injector: Injector, side: int, t_ns: float) -> Actuat
     """Begin a new charge on that side: its fuel is gone, its spark forgotten."""
     if injector.wall is not None:
         ports = with_port(a.ports, side, port.emptied(a.ports[side]))
-        return Actuation(a.table, a.fuel_kg, with_spark(a.spark_ns, side, -1), a.valves, ports)
+        return Actuation(
+            a.table, a.fuel_kg, with_spark(a.spark_ns, side, -1), a.valves, ports, a.spark_m
+        )
     running = a.table.lines[side].open
     owed = -flowed_kg(running, injector, side, t_ns) if running is not None else 0.0
     if a.fuel_kg[side] == owed and a.spark_ns[side] < 0:
         return a
     fuel_kg = _with_fuel(a.fuel_kg, side, owed)
-    return Actuation(a.table, fuel_kg, with_spark(a.spark_ns, side, -1), a.valves, a.ports)
+    return Actuation(
+        a.table, fuel_kg, with_spark(a.spark_ns, side, -1), a.valves, a.ports, a.spark_m
+    )
 
 
 def _with_fuel(pair_kg: tuple[float, float], side: int, fuel_kg: float) -> tuple[float, float]:

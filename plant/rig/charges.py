@@ -9,10 +9,12 @@ from mypy_extensions import i64
 
 from hil.randoms import EFFICIENCY, INJECTOR, normal_pair, uniform
 from hil.rounding import nearest
-from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Stop
+from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Motion, Stop
 from plant.rig import actuation, disturbances
+from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
+from plant.rig.ignition import place_m
 from plant.rig.params import PlantParams
 from plant.rig.state import PlantState
 
@@ -71,11 +73,19 @@ def at_dead_centre(
     if p.engine.ignition == BY_SPARK:
         return _lit(p, s, stop, side, events)
     pulses = actuation.advance(s.pulses, p.injector, stop.t_ns)
+    ended = Motion(stop.x_m, 0.0, stop.lasted_s, True, 0, None)
+    pulses = placed(s.pulses, pulses, s.motion, ended, stop.t_ns)
     fuel_kg = actuation.fuel_until(pulses, p.injector, side, stop.t_ns)
     fuel_kg = metered_kg(p, fuel_kg, number, stop.t_ns)
     spark_ns = pulses.spark_ns[side]
     d, cause = disturbances.take_misfire(s.disturbances)
-    reason = f"forced, no {cause}" if cause else _objection(p, fuel_kg, spark_ns, stop)
+    reason = (
+        f"forced, no {cause}"
+        if cause
+        else _objection(
+            p, fuel_kg, spark_ns, stop, pulses.spark_m[side] * (1.0 if side == RIGHT else -1.0)
+        )
+    )
     air_kg = trapped_kg(p, s)
     reason = reason or p.intake.objection(air_kg, fuel_kg)
     goes_on = p.engine.every_stroke and s.stroke.charge.fuel_kg > 0.0
@@ -86,7 +96,29 @@ def at_dead_centre(
     if reason:
         return s, NO_CHARGE
     burnt_kg, ratio = p.intake.burnt_kg(air_kg, fuel_kg), p.intake.lambda_of(air_kg, fuel_kg)
-    return s, Charge(burnt_kg, efficiency(p, d.efficiency, number), ratio)
+    eta = efficiency(p, d.efficiency, number)
+    if p.ignition.lead_s and stop.burnt is None:
+        eta *= p.ignition.work_of(stop.t_ns - float(spark_ns))
+    return s, Charge(burnt_kg, eta, ratio)
+
+
+def placed(
+    before: Actuation, after: Actuation, motion: Motion, ended: Motion, end_ns: float
+) -> Actuation:
+    """The lines with where the piston was at a spark that has struck between two motions.
+
+    Parameters: motion, ended : of one stroke; end_ns : when the second one is
+    """
+    if after.spark_ns is before.spark_ns:
+        return after
+    for side in (LEFT, RIGHT):
+        spark_ns = after.spark_ns[side]
+        if spark_ns != before.spark_ns[side] and spark_ns >= 0:
+            lasts_s = ended.tau_s - motion.tau_s
+            since_s = lasts_s - (end_ns - float(spark_ns)) * 1e-9
+            at_m = place_m(motion.x_m, motion.v_m_s, ended.x_m, ended.v_m_s, lasts_s, since_s)
+            after = actuation.with_place(after, side, at_m)
+    return after
 
 
 def of_air(p: PlantParams, charge: Charge) -> Charge:
@@ -117,7 +149,7 @@ def _lit(
     return s.but(pulses=pulses, lit=NO_CHARGE), charge
 
 
-def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop) -> str:
+def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop, spark_m: float) -> str:
     """Tell why a charge does not burn at the dead centre; an empty string when it does."""
     reason = _objection_to_fuel(p, fuel_kg)
     if fuel_kg > 0.0 and not stop.compressed:
@@ -131,7 +163,7 @@ def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop) -> str
     early_ns = stop.t_ns - float(spark_ns)
     if early_ns > p.spark_window_ns:
         return f"early spark ({early_ns * 1e-6:.3f} ms before the dead centre)"
-    return ""
+    return p.ignition.objection(spark_m)
 
 
 def _objection_to_fuel(p: PlantParams, fuel_kg: float) -> str:

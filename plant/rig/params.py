@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final, final
 
 from mypy_extensions import i64
 
-from hil.config.injection import InjectorConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.plant import PlantConfig, SensorConfig
 from hil.config.ranges import stale_ticks
 from hil.errors import ConfigError
@@ -17,6 +18,7 @@ from plant.engines.protocol import Engine
 from plant.rig.actuation import Injector
 from plant.rig.air import Intake, intake_of
 from plant.rig.disturbances import Edge, compile_edges
+from plant.rig.ignition import Ignition, ignition_of
 from plant.rig.port import wall_of
 from plant.rig.valves import ValveActuators, actuators_of
 
@@ -39,7 +41,7 @@ class PlantParams(Value):
         "config", "engine", "dt_s", "period_ns", "stale_ticks", "load_coefficient_n_s_m",
         "peak_force_n", "spark_window_ns", "injector", "fuel_min_kg", "fuel_max_kg", "sensors",
         "noisy", "seed", "names", "events", "edges", "delay_ticks", "rearm", "valves", "intake",
-        "instrumented",
+        "ignition", "instrumented",
     )  # fmt: skip
 
     def __init__(
@@ -48,7 +50,7 @@ class PlantParams(Value):
         injector: Injector, fuel_min_kg: float, fuel_max_kg: float, sensors: SensorConfig,
         noisy: bool, seed: int, names: tuple[str, ...], events: tuple[TimedCommand, ...],
         edges: tuple[Edge, ...], delay_ticks: i64, rearm: bool, valves: ValveActuators,
-        intake: Intake, instrumented: bool = False,
+        intake: Intake, ignition: Ignition, instrumented: bool = False,
     ) -> None:  # fmt: skip
         self.config = config
         self.engine = engine
@@ -72,6 +74,7 @@ class PlantParams(Value):
         self.valves = valves
         self.intake = intake
         self.instrumented = instrumented
+        self.ignition = ignition
 
 
 def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
@@ -82,6 +85,11 @@ def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:
         config.dead_time_s * SECOND_NS,
         wall_of(config, half_stroke_m),
     )
+
+
+def window_ns(window_s: float | None) -> float:
+    """The longest time from spark to dead centre; without one compression alone tells [ns]."""
+    return math.inf if window_s is None else window_s * SECOND_NS
 
 
 def is_noisy(config: SensorConfig) -> bool:
@@ -117,7 +125,7 @@ def rig_params(
         stale_ticks=stale_ticks(config.stale_s, period_ns),
         load_coefficient_n_s_m=prototype.load_coefficient_n_s_m,
         peak_force_n=prototype.peak_force_n,
-        spark_window_ns=config.spark_window_s * SECOND_NS,
+        spark_window_ns=window_ns(config.spark_window_s),
         injector=injector_of(config.injector, prototype.half_stroke_m),
         fuel_min_kg=prototype.fuel_min_kg - _FUEL_TOLERANCE_KG,
         fuel_max_kg=prototype.fuel_max_kg + _FUEL_TOLERANCE_KG,
@@ -132,4 +140,5 @@ def rig_params(
         valves=actuators_of(config.valves, seed, engine.valve_lift_m),
         intake=intake_of(config.air, prototype),
         instrumented=config.indicator.on or config.winding.on,
+        ignition=ignition_of(config.ignition, prototype),
     )

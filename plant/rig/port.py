@@ -12,7 +12,7 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
-from hil.config.injection import InjectorConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.values import Value
 
 _HALVINGS: Final = 40

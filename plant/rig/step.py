@@ -85,7 +85,9 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
     if p.injector.wall is not None:
         pulses = induction.taken_in(p, s, motion, float(s.tick * p.period_ns), p.dt_s)
     if at_edge:
-        pulses = actuation.advance(pulses, p.injector, float(end_ns))
+        before = pulses
+        pulses = actuation.advance(before, p.injector, float(end_ns))
+        pulses = charges.placed(before, pulses, s.motion, motion, float(end_ns))
     return _at_next_tick(s, motion, pulses)
 
 
@@ -98,7 +100,7 @@ def _at_next_tick(s: PlantState, motion: Motion, pulses: Actuation) -> PlantStat
 
 def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState:
     """Move through a tick from one instant of note to the next."""
-    held = Held(s.motion.x_m, s.motion.v_m_s)
+    held, held_from, number = Held(s.motion.x_m, s.motion.v_m_s), s.motion, s.stroke.number
     now_ns = float(s.tick * p.period_ns)
     used_s, part, at_end = 0.0, 0, False
     while not at_end:
@@ -110,6 +112,10 @@ def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
         now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
     end_ns = (s.tick + 1) * p.period_ns
     pulses = actuation.advance(s.pulses, p.injector, float(end_ns), p.valves)
+    stroke = s.stroke
+    if stroke.number != number:
+        held_from = Motion(stroke.start_x_m, 0.0, 0.0, True, stroke.direction, None)
+    pulses = charges.placed(s.pulses, pulses, held_from, s.motion, float(end_ns))
     return _at_next_tick(s, s.motion, pulses)
 
 

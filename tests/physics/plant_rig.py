@@ -1,6 +1,6 @@
 """A plant with a perfect controller: right fuel, spark 1 ms before each dead centre."""
 
-from hil.config.injection import InjectorConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.plant import PlantConfig
 from hil.wire.pulses import PulseOrder
 from plant.build import plant_params

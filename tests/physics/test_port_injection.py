@@ -7,7 +7,7 @@ import pytest
 from bench.run import scenarios
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
-from hil.config.injection import InjectorConfig
+from hil.config.charge.injection import InjectorConfig
 from hil.config.load import build, with_override
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError

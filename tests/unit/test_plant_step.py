@@ -76,7 +76,7 @@ def test_fuel_and_spark_burn_at_the_next_dead_centre():
     [
         ((SPARK,), "right: no fuel"),
         ((FED,), "right: no spark"),
-        ((FED, PulseOrder(3, 20_000, 100)), "right: early spark"),
+        ((FED, PulseOrder(3, 16_000, 100)), "right: early spark"),
         ((FED, PulseOrder(3, 25_200, 100)), "right: no spark"),
         ((FED, PulseOrder(2, 23_600, 100)), "right: no spark"),
         ((PulseOrder(1, 2_000, 998), SPARK), "right: fuel out of range (0.1980 mg)"),

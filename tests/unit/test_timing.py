@@ -12,8 +12,8 @@ from controller.observe.estimate import Motion, seconds_to_dead_centre
 from controller.timing.injection import plan_injection
 from controller.timing.plan import Plan, PlannedPulse, Timings
 from controller.timing.spark import may_move, plan_spark
+from hil.config.charge.injection import InjectorKnowledge
 from hil.config.controller import ControllerConfig
-from hil.config.injection import InjectorKnowledge
 from hil.config.load import build
 from hil.values import replace
 from hil.wire.messages import SPARK_LEFT
@@ -83,7 +83,7 @@ def with_spark(plan, motion):
     if not may_move(TIMINGS, plan, motion.t_ns, MS):
         return plan
     seconds = seconds_to_dead_centre(motion, MS * 1e-9, OMEGA)
-    return plan_spark(TIMINGS, plan, motion, motion.t_ns, MS, seconds)
+    return plan_spark(TIMINGS, plan, motion, motion.t_ns, MS, seconds, TIMINGS.spark_advance_s)
 
 
 def test_spark_waits_until_the_dead_centre_can_be_foreseen():

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from controller.timing.port import Port
-from hil.config.injection import InjectorKnowledge, Injectors
+from hil.config.charge.injection import InjectorKnowledge, Injectors
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 

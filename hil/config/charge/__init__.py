@@ -1,0 +1,1 @@
+"""A charge: how its fuel gets in, and when it is lit."""
