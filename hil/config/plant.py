@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 from pydantic import Field, create_model, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
+from hil.config.hardware import IndicatorConfig, WindingConfig
 from hil.config.injection import InjectorConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
@@ -18,7 +19,6 @@ from hil.config.ranges import (
     StaleS,
     TemperatureK,
 )
-from hil.config.sensing import IndicatorConfig, WindingConfig
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
