@@ -10,6 +10,7 @@ from pydantic import Field, create_model, model_validator
 from hil.config.base import LIVE, OneOf, Section, Tunable
 from hil.config.charge.ignition import IgnitionConfig
 from hil.config.charge.injection import InjectorConfig
+from hil.config.hardware import IndicatorConfig, WindingConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
     STALE_S,
@@ -19,7 +20,6 @@ from hil.config.ranges import (
     StaleS,
     TemperatureK,
 )
-from hil.config.sensing import IndicatorConfig, WindingConfig
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
 FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final, final
 
-from hil.config.sensing import WindingConfig
+from hil.config.hardware import WindingConfig
 from hil.values import Value
 from plant.engines.machine import Machine
 from plant.engines.protocol import Engine, Motion

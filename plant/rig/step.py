@@ -22,14 +22,13 @@ from plant.engines.protocol import (
     Motion,
     Moved,
 )
-from plant.rig import actuation, charges, induction, orders, valves
+from plant.rig import actuation, charges, indicator, induction, orders, valves
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
 from plant.rig.events import VALVE_CONTACT, Event
-from plant.rig.instruments import observed, told
 from plant.rig.params import PlantParams
 from plant.rig.state import Command, PlantState
-from plant.rig.stroke import act, end_stroke, moved, take_due
+from plant.rig.stroke import act, end_stroke, moved, read, take_due
 
 _NO_VALVES: Final[tuple[int, ...]] = ()
 _NO_FUEL: Final = (0.0, 0.0)
@@ -182,3 +181,26 @@ def _pass_edge(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
         if pulses.spark_ns[side] > before[side]:
             s = charges.spark(p, s, side, events)
     return s
+
+
+def told(p: PlantParams, s: PlantState) -> PlantState:
+    """The state once the sample of its tick is sent: the oldest cycle is told, unless a valve was.
+
+    Only one of both has room beside the other frames of a tick.
+    """
+    if not s.instruments.told or (s.pulses.valves.told and p.valves.by_lines):
+        return s
+    return s.but(instruments=indicator.after_telling(s.instruments))
+
+
+def observed(p: PlantParams, before: PlantState, after: PlantState) -> PlantState:
+    """Look at the end of a tick."""
+    if p.config.indicator.on:
+        after = read(p, after, after.motion, float(after.tick * p.period_ns))
+    if p.config.winding.on:
+        speeds = (before.v_m_s, after.v_m_s)
+        warmer = indicator.warmed(
+            after.instruments, p.config.winding, after.machine, speeds, p.dt_s
+        )
+        after = after.but(instruments=warmer)
+    return after

@@ -7,11 +7,10 @@ from mypy_extensions import i64
 from hil.rounding import nearest
 from hil.values import replace
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, SLOW_SIGNALS, Charge, Motion, Stop
-from plant.rig import charges, disturbances
+from plant.rig import charges, disturbances, indicator
 from plant.rig.charges import LEFT, RIGHT, SIDES
 from plant.rig.disturbances import Due, Edge, Held
 from plant.rig.events import AT_REST, CONTACT, DISTURBANCE, IN_MOTION, Event
-from plant.rig.instruments import ended, read
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
 from plant.rig.state import DeadCentre, PlantState, Stroke
@@ -160,3 +159,20 @@ def act(p: PlantParams, s: PlantState, t_ns: i64, events: list[Event]) -> PlantS
     s = begin_at_once(p, s, taken, t_ns, Held(s.x_m, s.v_m_s), events)
     s = moved(p, s, p.engine.follow(s.motion, s.machine), t_ns, events)
     return expect(p, s, taken, t_ns, 0.0)
+
+
+def read(p: PlantParams, s: PlantState, motion: Motion, t_ns: float) -> PlantState:
+    """Take a reading of the pressures."""
+    if not p.config.indicator.on:
+        return s
+    interval_ns = p.config.indicator.interval_s * 1e9
+    return s.but(
+        instruments=indicator.read(s.instruments, p.engine, motion, s.machine, t_ns, interval_ns)
+    )
+
+
+def ended(p: PlantParams, s: PlantState, side: int) -> PlantState:
+    """End the cycle of a cylinder at its bottom dead centre."""
+    if not p.config.indicator.on:
+        return s
+    return s.but(instruments=indicator.ended(s.instruments, p.engine, s.motion, side))

@@ -18,8 +18,8 @@ from controller.supervision.protection import (
     Protection,
 )
 from hil.config.controller import ControllerConfig
+from hil.config.hardware import WindingConfig
 from hil.config.prototypes import NU
-from hil.config.sensing import WindingConfig
 from hil.wire.messages import CylinderPeak
 from plant.engines.machine import Machine, MachineOrder
 from plant.rig import indicator
