@@ -19,7 +19,7 @@ Rows = Mapping[str, NDArray[Any]]
 
 
 def cycle_of(period_us: int) -> tuple[int, int]:
-    """Return a period as a number of at most 255 and the unit it counts in: 1 us, 10 us, 100 us ..."""
+    """Return a period as a number of at most 255 and the unit it counts in: 1 us, 10 us ..."""
     unit = 3
     while period_us > 255:
         period_us, unit = round(period_us / 10), unit + 1
