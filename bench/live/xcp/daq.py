@@ -18,6 +18,14 @@ _STAMP: Final = struct.Struct("<I")
 Rows = Mapping[str, NDArray[Any]]
 
 
+def cycle_of(period_us: int) -> tuple[int, int]:
+    """Return a period as a number of at most 255 and the unit it counts in: 1 us, 10 us ..."""
+    unit = 3
+    while period_us > 255:
+        period_us, unit = round(period_us / 10), unit + 1
+    return period_us, unit
+
+
 class DaqList:
     """One list: its object tables with their entries, and the event that sends them."""
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Final, Protocol
 
 from bench.live.xcp.addresses import STRIDE, Place, places
-from bench.live.xcp.daq import EVENTS, DaqList, Rows
+from bench.live.xcp.daq import EVENTS, DaqList, Rows, cycle_of
 from bench.live.xcp.limits import MAX_CTO, MAX_DTO
 
 _MOST_ODTS: Final = 0xFC
@@ -281,16 +281,8 @@ class Slave:
         if number >= len(EVENTS):
             raise XcpError(_RANGE)
         self._text = EVENTS[number].encode()
-        cycle, unit = _cycle(self._target.period_us(EVENTS[number]))
+        cycle, unit = cycle_of(self._target.period_us(EVENTS[number]))
         return struct.pack("<BBBBBBB", 0xFF, 0x04, 0xFF, len(self._text), cycle, unit, 0)
-
-
-def _cycle(period_us: int) -> tuple[int, int]:
-    """A period as a number of at most 255 and the unit it counts in: 1 us, 10 us, 100 us ..."""
-    unit = 3
-    while period_us > 255:
-        period_us, unit = round(period_us / 10), unit + 1
-    return period_us, unit
 
 
 def _place(address: int) -> Place:
