@@ -249,10 +249,9 @@ def smooth_dead_centre_between(
     d = (x2 - x1) / h
     c2 = (3.0 * d - 2.0 * v1 - v2) / h
     c3 = (v1 + v2 - 2.0 * d) / (h * h)
-    # In the form that has no difference of nearly equal terms; v1 and v2 differ in sign.
-    root = math.sqrt(max(c2 * c2 - 3.0 * c3 * v1, 0.0))
-    s = -v1 / (c2 + (root if c2 > 0.0 else -root)) if c2 != 0.0 else 0.5 * h
-    s = min(max(s, 0.0), h)
+    # Of both roots the one at which the speed falls through nought.
+    below = math.copysign(math.sqrt(max(c2 * c2 - 3.0 * c3 * v1, 0.0)), v1) - c2
+    s = min(max(v1 / below, 0.0), h) if below != 0.0 else 0.0
     return t1_ns + nearest(s * 1e9), x1 + s * (v1 + s * (c2 + c3 * s))
 
 
