@@ -19,6 +19,9 @@ from hil.config.motion.laws import LearningConfig, QuietConfig
 from hil.values import Value, replace
 
 _STEP: Final = 0.01
+_BY_DERIVATIVES: Final = 2.0
+"""Away from where it was found, a map of derivatives errs alike stroke after stroke: so many times
+as much of what one shows is believed."""
 
 
 @final
@@ -134,7 +137,8 @@ def learn(config: Learning, charge: Charge, view: View, forecast: Forecast, c: f
     noise = charge.noise.after(config.quiet, wrong_m, side)
     lessons = noise.share(config.quiet)
     wrong = wrong_m / (forecast.slope_m_kg * fuel_kg)
-    moved = charge.share_of(side) + lessons * config.gain * _within(wrong, config.most)
+    gain = lessons * config.gain * (1.0 if view.believed.tells_force else _BY_DERIVATIVES)
+    moved = charge.share_of(side) + gain * _within(wrong, config.most)
     moved = min(max(moved, config.share_min), config.share_max)
     share = (moved, charge.share[1]) if side == 0 else (charge.share[0], moved)
     longer = float(motion.dc_t_ns - forecast.begun_ns) * 1e-9 / forecast.duration_s - 1.0

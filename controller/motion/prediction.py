@@ -7,7 +7,7 @@ from typing import Final
 from mypy_extensions import i64
 
 from controller.motion.maps.stroke_map import StrokeMap
-from controller.observe.estimate import Motion
+from controller.observe.estimate import Motion, smooth_dead_centre_between
 from hil.rounding import nearest
 
 _MAP_ERROR: Final = 0.01
@@ -97,8 +97,14 @@ def dead_centre(
 ) -> Motion:  # fmt: skip
     """Return the motion with the dead centre between two samples as the stroke's map has it.
 
-    Where the gas hardens within a tick, a constant acceleration misses the turn by 30 us.
+    Where the gas hardens within a tick, a constant acceleration misses the turn by 30 us. A map
+    that tells no force cannot say more of a tick than its two samples do.
     """
+    if not stroke_map.tells_force:
+        dc_t_ns, x_m = smooth_dead_centre_between(
+            before.t_ns, before.x_m, before.v_m_s, after.t_ns, after.x_m, after.v_m_s
+        )
+        return _ended(after, abs(x_m), dc_t_ns, 0)
     told = _turned(stroke_map, before, after, load_n_s_m, burnt_kg, 0)
     return after if told is None else told
 
@@ -116,6 +122,11 @@ def _turned(
     dc_t_ns = before.t_ns + nearest(seconds * 1e9)
     if not before.t_ns <= dc_t_ns <= after.t_ns:
         return None
+    return _ended(after, tdc_m, dc_t_ns, quarter_ns)
+
+
+def _ended(after: Motion, tdc_m: float, dc_t_ns: i64, quarter_ns: i64) -> Motion:
+    """The motion with that dead centre behind it; a quarter of 0 is counted from there."""
     if quarter_ns == 0 and after.quarter_ns != 0:
         quarter_ns = after.quarter_ns + dc_t_ns - after.dc_t_ns
     return after.ended_at(tdc_m, dc_t_ns, quarter_ns)

@@ -12,6 +12,7 @@ from controller.observe.estimate import (
     dead_centre_between,
     observe,
     seconds_to_dead_centre,
+    smooth_dead_centre_between,
     update,
 )
 from hil.wire.messages import PistonSample
@@ -193,3 +194,18 @@ def test_prediction_of_the_dead_centre_is_right_where_the_motion_is_free(rate_hz
     motion = Motion(direction=1, x_m=x, v_m_s=v, a_m_s2=(v - v1) / h)
     predicted = seconds_to_dead_centre(motion, h, OMEGA)
     assert predicted == pytest.approx(ahead_s, abs=0.1 * OMEGA * h * h)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("s", [0.03e-3, 0.4e-3, 0.97e-3])
+@pytest.mark.parametrize("jerk", [-3e6, 0.0, 3e6])
+def test_a_smooth_dead_centre_is_where_the_cubic_turns(side, s, jerk):
+    """x = X - a t^2 / 2 + j t^3 / 6 about the turn at t = 0."""
+
+    def at(t):
+        x = 0.0155 - 0.5 * 2500.0 * t * t + jerk * t**3 / 6.0
+        return side * x, side * (-2500.0 * t + 0.5 * jerk * t * t)
+
+    t_ns, x = smooth_dead_centre_between(0, *at(-s), 1_000_000, *at(1e-3 - s))
+    assert t_ns == pytest.approx(s * 1e9, abs=2)
+    assert x == pytest.approx(side * 0.0155, abs=1e-12)

@@ -82,6 +82,14 @@ def test_the_gas_law_takes_them_to_the_full_bound(law, load, fraction):
     assert result.settling_ms <= 60.0
 
 
+@pytest.mark.parametrize(("load", "fraction"), [(0.85, 0.25), (1.15, 0.25)])
+def test_what_shows_in_part_at_first_is_taken_for_the_load_alone(load, fraction):
+    cell = tune.Cell("nonlinear", load, fraction)
+    result, bound = tune.judge(cell, "predictive", {}), bound_of(cell, "mid-stroke")
+    assert result.peak_mm <= 1.05 * bound.peak_mm
+    assert result.settling_ms <= 80.0
+
+
 @pytest.mark.parametrize("ref", [0.0135, 0.0138])
 @pytest.mark.parametrize("law", ["cascade", "observer"])
 def test_no_spark_misses_its_window_where_the_gas_hardens(law, ref):
