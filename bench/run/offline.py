@@ -37,28 +37,77 @@ from plant.sensors import sample, sensed
 
 
 @final
-class Answerer:
-    """Gives the controller its turn when a sample has been sent."""
+class Silence(Value):
+    """Ticks from `begin` to before `end` in which nothing comes through, one way or both."""
 
-    def __init__(self, loop: ControllerLoop, link: Link) -> None:
+    __slots__ = ("begin", "end", "samples", "answers")
+
+    def __init__(self, begin: i64, end: i64, samples: bool = True, answers: bool = True) -> None:
+        self.begin = begin
+        self.end = end
+        self.samples = samples
+        self.answers = answers
+
+    def hides_sample(self, tick: i64) -> bool:
+        """Whether the sample of a tick before the end does not reach the controller."""
+        return self.samples and self.begin <= tick
+
+    def hides_answer(self, tick: i64) -> bool:
+        """Whether the answer does not reach the plant, likewise."""
+        return self.answers and self.begin <= tick
+
+
+NEVER_SILENT: Final = Silence(NEVER, NEVER)
+
+
+def _silence_at(silences: Sequence[Silence], tick: i64) -> Silence:
+    """The silence of a tick, or the next one, of those in order."""
+    return next((silence for silence in silences if tick < silence.end), NEVER_SILENT)
+
+
+@final
+class Answerer:
+    """Gives the controller its turn when a sample has been sent; `silences` in order."""
+
+    def __init__(
+        self, loop: ControllerLoop, link: MemoryLink, silences: Sequence[Silence] = ()
+    ) -> None:
         self._loop = loop
         self._link = link
+        self._silences = silences
+        self._silence = _silence_at(silences, 0)
 
     def turn(self) -> None:
         """Take what was sent, and answer it."""
-        self._loop.turn(self._link.receive())
+        tick: i64 = self._loop.tick + 1
+        batch = self._link.receive()
+        if tick + 1 < self._silence.begin:
+            self._loop.turn(batch)
+        else:
+            self._turn_in_silence(tick, batch)
+
+    def _turn_in_silence(self, tick: i64, batch: bytes | None) -> None:
+        """Let the silence have the sample of this tick, and the answer that acts in the next."""
+        self._silence = _silence_at(self._silences, tick)
+        self._loop.turn(None if self._silence.hides_sample(tick) else batch)
+        inbox = self._link.peer.inbox
+        if inbox and _silence_at(self._silences, tick + 1).hides_answer(tick + 1):
+            inbox[-1] = b""
 
 
 def join(
-    plant_end: Link, controller_end: Link, controller: ControllerLoop
-) -> tuple[MemoryLink, MemoryLink]:
+    plant_end: Link, controller_end: Link, controller: ControllerLoop,
+    silences: Sequence[Silence] = (),
+) -> tuple[MemoryLink, MemoryLink]:  # fmt: skip
     """Let the controller answer inside the plant's send; returns both ends, known as what they are.
+
+    Parameters: silences : in the order of their ticks
 
     Raises: TypeError when they are not two ends in memory
     """
     if not (isinstance(plant_end, MemoryLink) and isinstance(controller_end, MemoryLink)):
         raise TypeError("only ends in memory can be joined")
-    plant_end.on_send = Answerer(controller, controller_end).turn
+    plant_end.on_send = Answerer(controller, controller_end, silences).turn
     return plant_end, controller_end
 
 
@@ -94,37 +143,19 @@ class _Schedule:
         return command
 
 
-@final
-class Silence(Value):
-    """Ticks from `begin` to before `end` in which nothing comes through, one way or both."""
-
-    __slots__ = ("begin", "end", "samples", "answers")
-
-    def __init__(self, begin: i64, end: i64, samples: bool = True, answers: bool = True) -> None:
-        self.begin = begin
-        self.end = end
-        self.samples = samples
-        self.answers = answers
-
-    def hides_sample(self, tick: i64) -> bool:
-        """Whether the sample of a tick before the end does not reach the controller."""
-        return self.samples and self.begin <= tick
-
-    def hides_answer(self, tick: i64) -> bool:
-        """Whether the answer does not reach the plant, likewise."""
-        return self.answers and self.begin <= tick
+def silences_of(scenario: Resolved) -> tuple[Silence, ...]:
+    """The silences of a scenario's link in ticks, each of one at least."""
+    rate_hz = scenario.loop.rate_hz
+    found = []
+    for begin_s, end_s, of in scenario.link.silences:
+        begin = round(begin_s * rate_hz)
+        end = max(round(end_s * rate_hz), begin + 1)
+        found.append(Silence(begin, end, of != "answers", of != "samples"))
+    return tuple(found)
 
 
-NEVER_SILENT: Final = Silence(NEVER, NEVER)
-
-
-def _silence_at(silences: Sequence[Silence], tick: i64) -> Silence:
-    """The silence of a tick, or the next one, of those in order."""
-    return next((silence for silence in silences if tick < silence.end), NEVER_SILENT)
-
-
-def simulate(scenario: Resolved, silences: Sequence[Silence] = ()) -> Course:
-    """Run a resolved scenario in lockstep, with silences in the order of their ticks."""
+def simulate(scenario: Resolved) -> Course:
+    """Run a resolved scenario in lockstep."""
     params = plant.build.make_params(scenario)
     state, events = plant.build.begin(scenario, params)
     law = controller.build.make_params(
@@ -135,6 +166,7 @@ def simulate(scenario: Resolved, silences: Sequence[Silence] = ()) -> Course:
     course = Course([], list(events), "", [], [])
     said: Output | None = None
     command, ticks = Command(), scenario.ticks
+    silences = silences_of(scenario)
     silence = _silence_at(silences, 0)
     tick: i64 = 0
     for tick in range(ticks):

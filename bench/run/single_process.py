@@ -88,7 +88,8 @@ def _joined(
     for name, end in (("plant", plant_end), ("controller", controller_end)):
         assert isinstance(end.status, MemoryStatus)
         end.status.on_publish = _tell_of(name)
-    links = offline.join(plant_end.link, controller_end.link, controller_loop)
+    silences = offline.silences_of(scenario)
+    links = offline.join(plant_end.link, controller_end.link, controller_loop, silences)
     return plant_loop, controller_loop, links
 
 

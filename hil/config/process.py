@@ -108,12 +108,16 @@ class ZenohConfig(Section):
     allow_insecure: bool = False
 
 
+Instant = Annotated[float, Field(ge=0.0, le=1e6)]
+
+
 class LinkConfig(Section):
     """How plant and controller exchange frames.
 
     kind: what joins them
     bus: the CAN bus of kind can, INTERFACE:CHANNEL
     bitrate_bit_s: of the CAN bus
+    silences: beginning and end [s] of each in order, and of what: samples, answers or both
     """
 
     kind: LinkName = "zenoh"
@@ -121,6 +125,18 @@ class LinkConfig(Section):
     bitrate_bit_s: int = Field(default=1_000_000, ge=10_000, le=1_000_000)
     wire_timing: bool = Field(default=False, description="zenoh bus: frames take their time")
     zenoh: ZenohConfig = ZenohConfig()
+    silences: tuple[tuple[Instant, Instant, Literal["samples", "answers", "both"]], ...] = Field(
+        default=(), description="link memory: when nothing comes through"
+    )
+
+    @model_validator(mode="after")
+    def _silences_are_in_order(self) -> LinkConfig:
+        if self.silences and self.kind != "memory":
+            raise ValueError("silences: accepted with kind = 'memory' (--link memory)")
+        ends = [instant for begin_s, end_s, _ in self.silences for instant in (begin_s, end_s)]
+        if ends != sorted(ends):
+            raise ValueError("silences: accepted are [begin_s, end_s, of], one after the other")
+        return self
 
     @model_validator(mode="after")
     def _can_has_a_bus(self) -> LinkConfig:

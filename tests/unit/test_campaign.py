@@ -9,7 +9,10 @@ import pytest
 from rich.console import Console
 
 from bench.judge.response import Response
-from bench.run.offline import Silence, simulate
+from bench.run import scenarios
+from bench.run.memory.pair import Pair
+from bench.run.offline import Silence, silences_of, simulate
+from bench.run.resolve import resolve
 from bench.studies.campaign import config, run
 from bench.studies.campaign import execution as campaigns
 from bench.studies.campaign import table as campaign_table
@@ -25,7 +28,10 @@ from bench.studies.campaign.execution import Shard
 from bench.studies.campaign.stopping import Tally, Watch, half_width
 from bench.studies.compare import compare, laws_of
 from bench.studies.compare_page import table
+from hil.config.check import check
+from hil.config.process import LinkConfig
 from hil.errors import ConfigError, RunError
+from plant.sensors import sample
 
 pytest.importorskip("pyarrow")
 
@@ -123,10 +129,14 @@ def test_a_run_gives_the_same_row_again():
     assert str(run.run_one(SMALL, 5)) == str(run.run_one(SMALL, 5))
 
 
+def silences_drawn(campaign, index):
+    return draw(campaign, index).overrides["link.silences"]
+
+
 def test_silences_are_drawn_apart_at_any_phase_and_end_before_the_run_does():
     campaign = config.read("no-loss")
-    found = [draw(campaign, index).silences for index in range(0, 60, 6)]
-    assert found == [draw(campaign, index).silences for index in range(5, 60, 6)]
+    found = [silences_drawn(campaign, index) for index in range(0, 60, 6)]
+    assert found == [silences_drawn(campaign, index) for index in range(5, 60, 6)]
     for silences in found:
         for begin_s, end_s, of in silences:
             assert 1e-3 <= end_s - begin_s <= 9e-3
@@ -135,14 +145,57 @@ def test_silences_are_drawn_apart_at_any_phase_and_end_before_the_run_does():
         assert all(a[1] < b[0] for a, b in pairwise(silences))
 
 
+def silent():
+    """A draw with silences of all kinds, one in each stroke."""
+    drawn = draw(SMALL, 0)
+    silences = [[1e-3 * k, 1e-3 * k + 6e-3, ("answers", "samples", "both")[k % 3]]
+                for k in range(30, 250, 31)]  # fmt: skip
+    silences = {"link.kind": "memory", "link.silences": silences}
+    return drawn.model_copy(update={"overrides": drawn.overrides | silences})
+
+
 def test_a_silence_hides_samples_and_answers_and_the_engine_goes_on():
-    scenario = config.scenario_of(SMALL, draw(SMALL, 0))
-    undisturbed = simulate(scenario)
-    assert simulate(scenario, (Silence(10**6, 10**6 + 5),)) == undisturbed
-    silences = tuple(Silence(k, k + 6, k % 3 != 0, k % 3 != 1) for k in range(30, 250, 31))
-    course = simulate(scenario, silences)
-    assert course.dead_centres != undisturbed.dead_centres
+    scenario = config.scenario_of(SMALL, silent())
+    assert silences_of(scenario)[:2] == (
+        Silence(30, 36, samples=False),
+        Silence(61, 67, answers=False),
+    )
+    course = simulate(scenario)
+    assert course.dead_centres != simulate(config.scenario_of(SMALL, draw(SMALL, 0))).dead_centres
     assert course.mode == "generating"
+
+
+def test_the_scenario_of_a_worst_run_repeats_it_silences_included(tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign_table, "draw", lambda campaign, index: silent())
+    campaign_table.write_worst(SMALL, [run.run_one(SMALL, 0)], tmp_path)
+    scenario = resolve(scenarios.read(str(tmp_path / "000000.toml")))
+    assert len(scenario.link.silences) == 8
+    assert simulate(scenario) == simulate(config.scenario_of(SMALL, silent()))
+
+
+def test_a_silence_is_the_same_in_both_loops():
+    """But for the resolution of the wire."""
+    scenario = config.scenario_of(SMALL, silent())
+    course = simulate(scenario)
+    x_m = []
+    with Pair(scenario) as pair:
+        for _ in range(scenario.ticks):
+            x_m.append(sample(pair.plant.params, pair.plant.state).x_m)
+            pair.advance()
+    assert x_m == pytest.approx(course.x_m, abs=20e-6)
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        {"silences": [[0.1, 0.2, "both"]]},
+        {"kind": "memory", "silences": [[0.2, 0.1, "both"]]},
+        {"kind": "memory", "silences": [[0.1, 0.2, "none"]]},
+    ],
+)
+def test_a_silence_that_cannot_be_is_refused(link):
+    with pytest.raises(ConfigError, match="silences"):
+        check(LinkConfig, link, "here")
 
 
 def test_what_is_refused_is_not_lost():
@@ -162,7 +215,7 @@ def test_campaigns_of_every_kind_of_trouble_are_shipped(name):
     campaign = config.read(name)
     assert campaign.misfires.probability == 0.01
     assert campaign.vary["plant.command_delay_ticks"].choices == (0, 1, 2, 3)
-    assert draw(campaign, 0).silences
+    assert silences_drawn(campaign, 0)
 
 
 def test_the_packaged_campaign_can_be_drawn():

@@ -241,7 +241,8 @@ def _closed(resumed: Resumed, wanted: Changed, recorders: dict[str, Recorder]) -
     plant_loop = _plant(resumed, wanted, plant_end, recorders["plant"])
     controller_loop = _controller(resumed, wanted, controller_end, recorders["controller"])
     controller_end.link.send(resumed.in_flight)
-    offline.join(plant_end.link, controller_end.link, controller_loop)
+    silences = offline.silences_of(scenario)
+    offline.join(plant_end.link, controller_end.link, controller_loop, silences)
     for loop, side in ((plant_loop, "plant."), (controller_loop, "controller.")):
         own = {key: value for key, value in wanted.live.items() if key.startswith(side)}
         if own:

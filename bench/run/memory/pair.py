@@ -103,7 +103,8 @@ class Pair:
             self.controller: ControllerLoop = controller.build.make_loop(
                 scenario, controller_end, self._newest["controller"]
             )
-            offline.join(plant_end.link, controller_end.link, self.controller)
+            silences = offline.silences_of(scenario)
+            offline.join(plant_end.link, controller_end.link, self.controller, silences)
             self._stack = opened.pop_all()
 
     def __enter__(self) -> Pair:

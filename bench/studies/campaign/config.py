@@ -151,8 +151,6 @@ class Drawn(Section):
     index: int
     facts: dict[str, Scalar]
     overrides: dict[str, Any]
-    silences: tuple[tuple[float, float, str], ...] = ()
-    """Each with its beginning and end [s], and of what: samples, answers or both."""
 
 
 def draw(campaign: Campaign, index: int) -> Drawn:
@@ -178,8 +176,10 @@ def draw(campaign: Campaign, index: int) -> Drawn:
     overrides |= _load_events(campaign.load, rng, facts)
     if campaign.misfires is not None:
         overrides |= _misfire_events(campaign, campaign.misfires, rng, facts)
-    silences = () if campaign.silences is None else _silences(campaign, campaign.silences, rng)
-    return Drawn(index=index, facts=facts, overrides=overrides, silences=silences)
+    if campaign.silences is not None:
+        overrides["link.kind"] = "memory"
+        overrides["link.silences"] = _silences(campaign, campaign.silences, rng)
+    return Drawn(index=index, facts=facts, overrides=overrides)
 
 
 def _value(rng: np.random.Generator, key: str, spread: Spread, prototype: str) -> Scalar:
@@ -241,7 +241,10 @@ def _misfire_events(
 def _silences(
     campaign: Campaign, spread: SilenceSpread, rng: np.random.Generator
 ) -> tuple[tuple[float, float, str], ...]:
-    """Silences at the instants of a Poisson process, none while another one lasts."""
+    """Silences at the instants of a Poisson process, none while another one lasts.
+
+    Returns: each with its beginning and end [s], and of what: samples, answers or both
+    """
     found: list[tuple[float, float, str]] = []
     t_s = spread.begin_s
     while (t_s := t_s + float(rng.exponential(1.0 / spread.per_s))) < _until_s(campaign):

@@ -8,7 +8,7 @@ from collections import Counter
 from typing import Any
 
 from bench.judge.response import Response
-from bench.run.offline import Course, Silence, simulate
+from bench.run.offline import Course, simulate
 from bench.studies.campaign.config import Campaign, Drawn, draw, scenario_of
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
@@ -34,19 +34,10 @@ def run_one(campaign: Campaign, index: int) -> Row:
     row: Row = {"run": index, **{f"set_{k}": v for k, v in drawn.facts.items()}}
     try:
         scenario = scenario_of(campaign, drawn)
-        course = simulate(scenario, _silences(drawn, scenario.loop.rate_hz))
+        course = simulate(scenario)
     except ConfigError as error:
         return row | _figures(None, math.nan, NOT_BEGUN) | {"note": str(error)}
     return row | measure(campaign, drawn, scenario, course)
-
-
-def _silences(drawn: Drawn, rate_hz: float) -> tuple[Silence, ...]:
-    """The silences of a run in ticks."""
-    return tuple(
-        Silence(round(begin_s * rate_hz), max(round(end_s * rate_hz), round(begin_s * rate_hz) + 1),
-                of != "answers", of != "samples")
-        for begin_s, end_s, of in drawn.silences
-    )  # fmt: skip
 
 
 def measure(campaign: Campaign, drawn: Drawn, scenario: Resolved, course: Course) -> Row:
