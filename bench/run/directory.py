@@ -90,7 +90,7 @@ def opened(run: Path) -> RunFiles:
     files = RunFiles(directory)
     for needed in (files.scenario, files.plant_log, files.controller_log):
         if not needed.is_file():
-            raise ConfigError(f"{directory}: no finished run: {needed.name} is missing")
+            raise ConfigError(f"{run}: no finished run: {needed.name} is missing")
     return files
 
 
