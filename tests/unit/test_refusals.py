@@ -43,7 +43,7 @@ VALUES = (
     "campaign robustness --out empty", "atlas foo", "atlas --out empty", "engine sweep --over foo",
     "engine sweep --over load --engine foo", "engine sweep --over load --out x.txt",
     "engine analyse --engine foo", "engine analyse --fuel-mg -1", "engine precision --engine foo",
-    "engine sensitivities foo", "engine sensitivities --out dir/none/x.toml", 
+    "engine sensitivities foo", "engine sensitivities --out dir/none/x.toml",
     "compile --into empty",
     "bench soak --minutes -1",
 )  # fmt: skip
