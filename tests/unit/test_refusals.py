@@ -19,7 +19,8 @@ TAKE_A_FILE = (
     ("view", "--no-browser", "{}"), ("diff", "{}", "missing"), ("fmu", "check", "{}"),
     ("check", "law", "{}"), ("status", "--run", "{}"), ("get", "--run", "{}"),
     ("start", "--run", "{}"), ("stop", "--run", "{}"), ("panel", "--no-browser", "--run", "{}"),
-    ("run", "{}"), ("compare", "{}"), ("map", "{}"), ("campaign", "{}"), ("tune", "{}"), ("scenario", "prove", "{}"),
+    ("run", "{}"), ("compare", "{}"), ("map", "{}"), ("campaign", "{}"), ("tune", "{}"),
+    ("scenario", "prove", "{}"),
 )  # fmt: skip
 
 VALUES = (
