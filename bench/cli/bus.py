@@ -38,7 +38,9 @@ def monitor(
 
 @app.command()
 def load(
-    directory: Annotated[Path, typer.Argument(help="Directory of a finished run.")],
+    directory: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run: its directory, or a file in it.")
+    ],
     *,
     bitrate: Annotated[int | None, typer.Option(min=10_000, help="Of another bus [bit/s].")] = None,
 ) -> None:

@@ -9,7 +9,9 @@ import typer
 
 from bench.cli.options import LOGS, MACHINE, Assignments, Commands, Force
 
-LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="An .mcap file of a run.")]
+LogArgument = Annotated[
+    Path, typer.Argument(metavar="LOG", help="An .mcap file, or the directory of a run for both.")
+]
 Seconds = Annotated[float | None, typer.Option(help="Instant since the start of the run [s].")]
 LawOption = Annotated[
     Path | None,
@@ -40,8 +42,8 @@ def replay(
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(metavar="A")],
-    second: Annotated[Path, typer.Argument(metavar="B")],
+    first: Annotated[Path, typer.Argument(metavar="A", help="A log, or the directory of a run.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The other one.")],
     *,
     timing: Annotated[bool, typer.Option("--timing", help="Compare when ticks ran, too.")] = False,
 ) -> None:
@@ -55,7 +57,9 @@ def diff(
 
 
 def what_if(
-    directory: Annotated[Path, typer.Argument(metavar="RUN", help="Directory of a run.")],
+    directory: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run: its directory, or a file in it.")
+    ],
     *,
     start: Annotated[str, typer.Option("--from", help="Instant, as in 1.05s or tick:1050.")],
     assignments: Assignments = None,

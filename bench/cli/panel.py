@@ -42,7 +42,9 @@ def panel(
 
 
 def view(
-    directory: Annotated[Path, typer.Argument(metavar="RUN", help="Directory of a finished run.")],
+    directory: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run: its directory, or a file in it.")
+    ],
     *,
     port: PortOption = 0,
     no_browser: BrowserOption = False,

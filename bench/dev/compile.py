@@ -26,6 +26,7 @@ from typing import Any, Final
 
 from rich.console import Console
 
+from bench.progress import steps
 from bench.run import directory
 from hil import compiled
 from hil.errors import ConfigError, MissingExtraError, RunError
@@ -56,7 +57,7 @@ def run(into: Path | None) -> int:
         return 0
     _check_tools()
     directory.make_directory("--into", base)
-    with _telling(console) as tell, _workshop(base, tell) as work:
+    with steps("compiling") as tell, _workshop(base, tell) as work:
         _bring_sources(work)
         target = base / compiled.key_of(work)
         _compile(work, tell)
@@ -75,16 +76,6 @@ def _check_tools() -> None:
     compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
     if shutil.which(compiler) is None:
         raise ConfigError(f"no C compiler {compiler} (Debian: apt-get install gcc python3-dev)")
-
-
-@contextmanager
-def _telling(console: Console) -> Iterator[Callable[[str], None]]:
-    """Say how far it is: in a terminal on one line that changes, elsewhere a line a step."""
-    if not console.is_terminal:
-        yield lambda text: console.print(f"compiling: {text}")
-        return
-    with console.status("compiling") as status:
-        yield lambda text: status.update(f"compiling: {text}")
 
 
 @contextmanager

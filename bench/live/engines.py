@@ -54,7 +54,8 @@ def engine_of(run: Path | None) -> Engine:
     Raises: ConfigError when several run, naming them; LinkError when none does
     """
     if run is not None:
-        return _of_file(run / "scenario.json" if run.is_dir() else run)
+        directory = run.parent if run.suffix == ".mcap" else run
+        return _of_file(directory / "scenario.json" if directory.is_dir() else run)
     found = [_of_file(each / "scenario.json") for each in running()]
     found += [_at_default(name) for name in _names()]
     if len(found) > 1:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.report.quantities import bytes_text, thousands
+from bench.run.directory import directory_of, logs_of, make_directory
 from hil import log as logs
 from hil.errors import ConfigError, printable
 from hil.log import Log, Span
@@ -40,25 +41,39 @@ def replay(
     path: Path, config: Path | None, start_s: float | None, end_s: float | None,
     law: Path | None = None,
 ) -> int:  # fmt: skip
-    """Replay a log; 0 when identical, 1 when not."""
+    """Replay a log, or both of a run; 0 when identical, 1 when not."""
     from bench.logs.replay import replay as replays
     from bench.logs.replay.outcome_table import show
 
-    outcome = replays.replay_file(path, config, _span(start_s, end_s), law)
-    with logs.open(path) as log:
-        show(_console(), path, outcome, log)
-    return 0 if outcome.identical else 1
+    identical = True
+    for each in logs_of(path):
+        outcome = replays.replay_file(each, config, _span(start_s, end_s), law)
+        with logs.open(each) as log:
+            show(_console(), each, outcome, log)
+        identical = identical and outcome.identical
+    return 0 if identical else 1
 
 
 def diff(first: Path, second: Path, *, timing: bool) -> int:
-    """Compare two logs; 0 when they are the same, 1 when not."""
+    """Compare two logs, or those of two runs; 0 when they are the same, 1 when not."""
     from bench.logs.diff import compare
     from bench.logs.diff_text import show
 
-    with logs.open(first) as a, logs.open(second) as b:
-        found = compare(a, b, timing=timing)
-    show(_console(), first, second, found)
-    return 0 if found.same else 1
+    same = True
+    for one, other in _pairs(first, second):
+        with logs.open(one) as a, logs.open(other) as b:
+            found = compare(a, b, timing=timing)
+        show(_console(), one, other, found)
+        same = same and found.same
+    return 0 if same else 1
+
+
+def _pairs(first: Path, second: Path) -> list[tuple[Path, Path]]:
+    """What is compared with what: of a directory the log that has the other's name."""
+    if first.is_dir() and second.is_dir():
+        return [(log, second / log.name) for log in logs_of(first)]
+    one = first / second.name if first.is_dir() else first
+    return [(one, second / first.name if second.is_dir() else second)]
 
 
 def what_if(
@@ -70,17 +85,20 @@ def what_if(
     from bench.logs.what_if.continuation import Wish, continue_run
 
     console = _console()
-    told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out, law))
+    told = continue_run(
+        directory_of(directory), Wish(start, tuple(assignments), duration_s, out, law)
+    )
     show(console, told)
     return 0
 
 
 def info(path: Path, *, verify: bool) -> int:
-    """Tell all about a log."""
-    with logs.open(path) as log:
-        _show_info(_console(), log)
-        if verify:
-            _verify(_console(), [part.path for part in log.parts])
+    """Tell all about a log, or both of a run."""
+    for each in logs_of(path):
+        with logs.open(each) as log:
+            _show_info(_console(), log)
+            if verify:
+                _verify(_console(), [part.path for part in log.parts])
     return 0
 
 
@@ -168,11 +186,22 @@ def export(
     *,
     force: bool = False,
 ) -> int:
-    """Write a log as files of another kind."""
+    """Write a log as files of another kind; both of a run each in a place of its own."""
+    span = _span(start_s, end_s)
+    for each in logs_of(path):
+        target = out or each.with_suffix(f".{kind}")
+        if out is not None and path.is_dir():
+            make_directory("--out", out)
+            target = out / f"{each.stem}.{kind}"
+        _export(each, kind, target, topics, span, force=force)
+    return 0
+
+
+def _export(
+    path: Path, kind: str, target: Path, topics: list[str], span: Span, *, force: bool
+) -> None:
     from bench.logs.export import export as write
 
-    span = _span(start_s, end_s)
-    target = out or path.with_suffix(".mf4" if kind == "mf4" else f".{kind}")
     before_s = time.perf_counter()
     with logs.open(path) as log:
         done = write(log, kind, target, topics, span, force=force)
@@ -185,11 +214,22 @@ def export(
         console.print(f"  skipped {printable(line)}", style="yellow")
     total = sum(file.messages for file in done.files)
     console.print(f"{thousands(total)} messages in {taken_s:.1f} s ({total / taken_s:,.0f}/s)")
-    return 0
 
 
 def repair(path: Path, out: Path | None, *, force: bool = False) -> int:
-    """Save what can be saved from a log, of each segment by itself."""
+    """Save what can be saved from a log, of each segment by itself; or from both of a run.
+
+    Raises: ConfigError for one file to hold both
+    """
+    found = logs_of(path)
+    if out is not None and len(found) > 1:
+        raise ConfigError(f"--out {out}: accepted with one log, as in {found[0]}")
+    for each in found:
+        _repair(each, out, force=force)
+    return 0
+
+
+def _repair(path: Path, out: Path | None, *, force: bool) -> None:
     from bench.logs.repair import repair as mend
 
     console = _console()
@@ -202,4 +242,3 @@ def repair(path: Path, out: Path | None, *, force: bool = False) -> int:
     )
     if segments_before(path):
         console.print(f"  note: {path} has earlier segments, which were left as they are")
-    return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Callable
@@ -53,7 +54,8 @@ def export(
 def _to_directory(log: Log, kind: str, target: Output, topics: list[str], span: Span) -> Outcome:
     """Write a file a topic."""
     write: Callable[..., int] = {"parquet": _to_parquet, "csv": _to_csv}[kind]
-    library("pyarrow", "this export")
+    if kind == "parquet":
+        library("pyarrow", "this export")
     stems = _stems(topics)
     files = {t: target._replace(path=target.path / f"{stems[t]}.{kind}") for t in topics}
     directory.make_directory("--out", target.path)
@@ -62,6 +64,8 @@ def _to_directory(log: Log, kind: str, target: Output, topics: list[str], span: 
     done = Outcome([], [])
     for name, file in files.items():
         try:
+            if reason := log.topics[name].coding.reason:
+                raise UndecodableError(f"{log.path}: {name}: {reason}")
             with file.writing() as beside:
                 rows = write(log, name, beside, span)
             done.files.append(Exported(file.path, rows))
@@ -129,24 +133,24 @@ class _Batches(AbstractContextManager["_Batches"]):
             self._waiting, self._rows = [], 0
 
 
-def _arrow_type(arrow: Any, kind: str, *, as_text: bool) -> Any:  # noqa: ANN401
+def _arrow_type(arrow: Any, kind: str) -> Any:  # noqa: ANN401
     """Return what a column of a ROS type is to Arrow."""
     base = kind.partition("[")[0]
     if kind in SCALARS:
         return arrow.from_numpy_dtype(np.dtype(kind))
-    if as_text or "/" in base or kind in {"string", "wstring"}:
+    if "/" in base or kind in {"string", "wstring"}:
         return arrow.string()
     if kind == "uint8[]":
         return arrow.binary()
-    return arrow.list_(_arrow_type(arrow, base, as_text=as_text))
+    return arrow.list_(_arrow_type(arrow, base))
 
 
-def _arrow_schema(log: Log, topic: str, *, as_text: bool) -> Any:  # noqa: ANN401
+def _arrow_schema(log: Log, topic: str) -> Any:  # noqa: ANN401
     """Return the columns of a topic, each with its unit where any reader finds it."""
     arrow, units = library("pyarrow", "this export"), column_units(log, topic)
     return arrow.schema(
         arrow.field(
-            name, _arrow_type(arrow, kind, as_text=as_text),
+            name, _arrow_type(arrow, kind),
             metadata={"unit": units[name]} if name in units else None,
         )
         for name, kind in column_kinds(log, topic).items()
@@ -155,41 +159,34 @@ def _arrow_schema(log: Log, topic: str, *, as_text: bool) -> Any:  # noqa: ANN40
 
 def _to_parquet(log: Log, topic: str, path: Path, span: Span) -> int:
     parquet = library("pyarrow.parquet", "export to Parquet")
-    return _through_arrow(
-        log, topic, span, lambda schema: parquet.ParquetWriter(path, schema, compression="zstd")
-    )
-
-
-def _to_csv(log: Log, topic: str, path: Path, span: Span) -> int:
-    csv = library("pyarrow.csv", "export to CSV")
-    return _through_arrow(
-        log, topic, span, lambda schema: csv.CSVWriter(path, schema), as_text=True
-    )
-
-
-def _through_arrow(
-    log: Log,
-    topic: str,
-    span: Span,
-    open_writer: Callable[[Any], Any],
-    *,
-    as_text: bool = False,
-) -> int:
-    """Write a topic; an empty one leaves a file without rows."""
-    if log.topics[topic].coding.reason:
-        raise UndecodableError(f"{log.path}: {topic}: {log.topics[topic].coding.reason}")
-    with _Batches(open_writer, _arrow_schema(log, topic, as_text=as_text)) as batches:
+    with _Batches(
+        lambda schema: parquet.ParquetWriter(path, schema, compression="zstd"),
+        _arrow_schema(log, topic),
+    ) as batches:
         for block in columns(log, topic, span):
-            batches.add(_printable(block) if as_text else block)
+            batches.add(block)
     return batches.messages
 
 
-def _printable(block: dict[str, Any]) -> dict[str, Any]:
-    """Bytes as hexadecimal digits, lists as JSON."""
-    return {
-        name: [_text_of(v) for v in values] if isinstance(values, list) else values
-        for name, values in block.items()
-    }
+def _to_csv(log: Log, topic: str, path: Path, span: Span) -> int:
+    """Write a topic as text, which takes no library; texts stand in quotes."""
+    names, rows = list(column_kinds(log, topic)), 0
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, quoting=csv.QUOTE_NONNUMERIC, lineterminator="\n")
+        writer.writerow(names)
+        for block in columns(log, topic, span):
+            found = [_printable(block[name]) for name in names]
+            writer.writerows(zip(*found, strict=True))
+            rows += len(found[0])
+    return rows
+
+
+def _printable(values: Any) -> list[Any]:  # noqa: ANN401
+    """Bytes as hexadecimal digits, lists as JSON, switches as 0 and 1."""
+    if isinstance(values, list):
+        return [_text_of(value) for value in values]
+    numbers: list[Any] = values.tolist()
+    return [*map(int, numbers)] if values.dtype == np.bool_ else numbers
 
 
 def _text_of(value: Any) -> str:  # noqa: ANN401

@@ -15,6 +15,7 @@ from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.motion.own import own_source
 from hil import snapshot
+from hil.brought import SUFFIX
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError, HilError
 
@@ -139,6 +140,8 @@ def run(file: Path) -> int:
 
     Raises: ConfigError when it cannot be loaded
     """
+    if file.suffix != SUFFIX:
+        raise ConfigError(f"{file}: accepted is a law of one's own, a file ending in {SUFFIX}")
     found = findings(file)
     for finding in found:
         sign, tail = "✓" if finding.met else "✗", f": {finding.seen}" if finding.seen else ""

@@ -55,7 +55,7 @@ def log_flags(segment: str | None, retain: str | None) -> dict[str, Any]:
     """
     flags: dict[str, Any] = {}
     if segment is not None:
-        seconds = re.fullmatch(r"([0-9.]+)\s*s", segment)
+        seconds = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*s", segment)
         if seconds:
             flags["log.segment_s"] = float(seconds[1])
         else:

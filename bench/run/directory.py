@@ -81,16 +81,36 @@ def prepare(name: str, out: Path | None, *, force: bool) -> RunFiles:
     return files
 
 
-def opened(directory: Path) -> RunFiles:
-    """Return the files of a finished run.
+def opened(run: Path) -> RunFiles:
+    """Return the files of a finished run, named by its directory or by a file in it.
 
     Raises: ConfigError when the directory holds no run
     """
+    directory = directory_of(run)
     files = RunFiles(directory)
     for needed in (files.scenario, files.plant_log, files.controller_log):
         if not needed.is_file():
-            raise ConfigError(f"{directory}: no finished run: {needed.name} is missing")
+            raise ConfigError(f"{run}: no finished run: {needed.name} is missing")
     return files
+
+
+def directory_of(run: Path) -> Path:
+    """Return the directory of a run that is named by itself or by a file in it."""
+    return run.parent if run.is_file() else run
+
+
+def logs_of(log: Path) -> list[Path]:
+    """Return the log that is named, or of a run's directory both.
+
+    Raises: ConfigError when there is none in the directory
+    """
+    if not log.is_dir():
+        return [log]
+    files = RunFiles(log)
+    found = [path for path in (files.plant_log, files.controller_log) if path.is_file()]
+    if not found:
+        raise ConfigError(f"{log}: no log in this directory; accepted is an .mcap file, or a run")
+    return found
 
 
 def claim(option: str, directory: Path, names: Sequence[str], *, force: bool) -> list[Output]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, get_args
 
 from bench.judge.response import Response
+from bench.progress import Advance, counted, unseen
 from bench.run import scenarios
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
@@ -66,8 +67,13 @@ def laws_of(text: str | None) -> tuple[str, ...]:
     return names
 
 
-def compare(name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] = ()) -> Comparison:
+def compare(
+    name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] = (),
+    advance: Advance = unseen,
+) -> Comparison:  # fmt: skip
     """Run every law at every moment, on the scenario's load step and on the opposite one.
+
+    Parameters: advance : is told of each run, of which there are `count_of`
 
     Raises: ConfigError when the scenario has no load step, or cannot begin
     """
@@ -79,11 +85,14 @@ def compare(name: str, laws: Sequence[str], changes: Sequence[tuple[str, Any]] =
     base = resolve(build(tree, name))
     loads = (load, 2.0 - load)
     shown = (*laws, NO_CONTROL)
-    cells = {
-        (law, value, moment): _cell(tree, base, event, law, value, moment)
-        for law in shown for value in loads for moment in MOMENTS
-    }  # fmt: skip
+    every = [(law, value, moment) for law in shown for value in loads for moment in MOMENTS]
+    cells = {each: _cell(tree, base, event, *each) for each in counted(every, advance)}
     return Comparison(base, event, loads, shown, cells, _bounds(base, loads))
+
+
+def count_of(laws: Sequence[str]) -> int:
+    """Return how many runs a comparison takes: the uncontrolled engine is run with the laws."""
+    return (len(laws) + 1) * 2 * len(MOMENTS)
 
 
 def _load_step(scenario: Scenario) -> tuple[str, float]:

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from bench.progress import progress
 from bench.run import directory as outdir
 from bench.run import scenarios
 from bench.studies import survey, survey_page
-from bench.studies.compare import compare, laws_of
-from bench.studies.compare_page import table, write_page
+from bench.studies.compare import compare, count_of, laws_of
+from bench.studies.compare_page import table, told, write_page
 from controller.motion.laws import LAWS
 from hil.errors import ConfigError
 from hil.files import Output
@@ -36,11 +37,11 @@ def run(
     laws = laws_of(controllers)
     directory = out or outdir.fresh(f"compare-{scenarios.read(name, changes).name}")
     page, listed = outdir.claim("--out", directory, FILES, force=force)
-    found = compare(name, laws, changes)
-    text = table(found)
-    listed.write(text)
+    with progress("compare", count_of(laws), "runs") as advance:
+        found = compare(name, laws, changes, advance)
+    listed.write(table(found))
     console = Console(highlight=False)
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(told(found), markup=False, soft_wrap=True)
     write_page(found, page)
     console.print(f"{page.path}", markup=False)
     return 0
@@ -77,9 +78,16 @@ def run_survey(wanted: Survey) -> int:
     if file is not None:
         file.check(".json")
     files = None if out is None else outdir.claim("--out", out, FILES, force=force)
+    tasks = survey.tasks(laws, engines, extent, changes)
     finished: list[survey.Row] = []
     try:
-        survey.survey(survey.tasks(laws, engines, extent, changes), workers, finished.append)
+        with progress("compare", len(tasks), "rows") as advance:
+
+            def told_of(row: survey.Row) -> None:
+                finished.append(row)
+                advance(1)
+
+            survey.survey(tasks, workers, told_of)
     finally:  # of an interrupted one what there is
         if finished:
             _tell(survey.in_order(finished), file, files)
@@ -90,11 +98,10 @@ def _tell(
     rows: list[survey.Row], file: Output | None, files: Sequence[Output] | None
 ) -> None:  # fmt: skip
     """Print and write the rows that are finished."""
-    text = survey_page.table(rows)
-    Console(highlight=False).print(text, markup=False, soft_wrap=True)
+    Console(highlight=False).print(survey_page.told(rows), markup=False, soft_wrap=True)
     if file is not None:
         file.write(survey_page.as_json(rows))
     if files is not None:
         page, listed = files
-        listed.write(text)
+        listed.write(survey_page.table(rows))
         survey_page.write_page(rows, page)

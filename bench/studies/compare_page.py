@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from bench.judge.response import BAND_MM, Response
+from bench.report.text_table import text_table
 from bench.studies.compare import MOMENTS, NO_CONTROL, Cell, Comparison
 from bench.web.page import Page, controls
 from bench.web.plot import Plot, Series
@@ -63,6 +64,16 @@ def table(found: Comparison) -> str:
              _row("", titles), _row("---", ["---"] * len(titles))]  # fmt: skip
     lines += [_row(row.title, row.cells) for row in rows_of(found)]
     return "\n".join([*lines, "", *_notes(found)]).rstrip() + "\n"
+
+
+def told(found: Comparison) -> str:
+    """The same for a terminal: a table a load step, so that no row is too long for one."""
+    lines = [_subject(found), "Peak TDC error [mm] / settling to +-0.1 mm [ms]"]
+    titles, rows, width = _titles(found), rows_of(found), len(MOMENTS)
+    for first in range(0, len(titles), width):
+        part = slice(first, first + width)
+        lines += ["", text_table([("", *titles[part]), *((r.title, *r.cells[part]) for r in rows)])]
+    return "\n".join([*lines, "", *_notes(found)]).rstrip()
 
 
 def _notes(found: Comparison) -> list[str]:

@@ -32,6 +32,7 @@ from hil.errors import ConfigError
 from hil.files import Output
 from hil.toml import read_toml
 from hil.values import replace
+from hil.wire.commands import TDC_REF_M
 from hil.wire.messages import PistonSample
 from plant.rig.events import MISFIRE
 from plant.rig.state import Command, PlantState
@@ -264,11 +265,14 @@ def _tdcs(given_mm: str | None, scenario: Resolved) -> list[float]:
         most = scenario.controller.limits.tdc_m - scenario.controller.supervisory.tdc_room_m
         return sorted({round(x, 7) for x in (ref - 1e-3, ref, min(ref + 1e-3, most))})
     try:
-        return sorted({round(float(word) * 1e-3, 9) for word in given_mm.split(",")})
+        found = sorted({round(float(word) * 1e-3, 9) for word in given_mm.split(",")})
     except ValueError:
-        raise ConfigError(
-            f"--tdc {given_mm!r}: accepted are millimetres, separated by commas"
-        ) from None
+        found = []
+    if not found or not all(TDC_REF_M.low <= tdc_m <= TDC_REF_M.high for tdc_m in found):
+        low, high = 1e3 * TDC_REF_M.low, 1e3 * TDC_REF_M.high
+        told = f"accepted are millimetres from {low:g} to {high:g}, separated by commas"
+        raise ConfigError(f"--tdc {given_mm!r}: {told}")
+    return found
 
 
 def shown(found: dict[str, Any]) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Sequence
+from itertools import groupby
+from textwrap import wrap
 from typing import Final
 
+from bench.report.text_table import text_table
 from bench.studies.compare_page import colour_of
 from bench.studies.survey import NOMINAL_HZ, Row
 from bench.web.page import Page, controls
@@ -20,6 +23,11 @@ _HEAD = (
     "engine", "rate [Hz]", "law", "peak [mm]", "settling [ms]", "bound [mm]", "bound [ms]",
     "sigma [mm]", "least sigma [mm]", "lost", "misfires",
 )  # fmt: skip
+
+_HEAD_TOLD: Final = (
+    ("law", "peak", "settling", "bound", "bound", "sigma", "least", "lost", "misfires"),
+    ("", "mm", "ms", "mm", "ms", "mm", "mm", "", ""),
+)
 
 LEGEND = (
     "Worst of load steps of -15 and +15 %; settling to +-0.1 mm; bound: of what the law can know;"
@@ -37,9 +45,20 @@ def table(rows: Sequence[Row]) -> str:
     """All rows in Markdown, and why some have no figures."""
     lines = ["# Laws on engines", "", LEGEND, "", _line(_HEAD), _line(["---"] * len(_HEAD))]
     lines += [_line(_cells(row)) for row in rows]
-    notes = sorted({f"- {row.law}, {row.engine} {row.model}, {row.rate_hz} Hz: {row.note}"
-                    for row in rows if row.note})  # fmt: skip
-    return "\n".join([*lines, "", *notes]).rstrip() + "\n"
+    return "\n".join([*lines, "", *_notes(rows)]).rstrip() + "\n"
+
+
+def told(rows: Sequence[Row]) -> str:
+    """The same for a terminal: a table an engine and rate, so that no row is too long for one."""
+    lines = [_TITLE, *wrap(LEGEND, 80)]
+    for (engine, rate), group in groupby(map(_cells, rows), key=lambda cells: cells[:2]):
+        lines += ["", f"{engine}, {rate} Hz", text_table([*_HEAD_TOLD, *(c[2:] for c in group)])]
+    return "\n".join([*lines, "", *_notes(rows)]).rstrip()
+
+
+def _notes(rows: Sequence[Row]) -> list[str]:
+    return sorted({f"- {row.law}, {row.engine} {row.model}, {row.rate_hz} Hz: {row.note}"
+                   for row in rows if row.note})  # fmt: skip
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.judge.response import Response
+from bench.progress import Advance, progress, unseen
 from bench.run.offline import Course, simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
@@ -169,7 +170,7 @@ def cost(law: str, vector: Sequence[float]) -> float:
     return max(result.peak_after_mm(LATE_S) for result in results) + 1e-3 * squares + 10.0 * beyond
 
 
-def looked_for(law: str, start: Gains, generations: int) -> Gains:
+def looked_for(law: str, start: Gains, generations: int, advance: Advance = unseen) -> Gains:
     """Differential evolution, seeded, within a factor of two about the gains in force."""
     from scipy.optimize import differential_evolution
 
@@ -178,7 +179,7 @@ def looked_for(law: str, start: Gains, generations: int) -> Gains:
                       else 2.0 * gain)) for gain in x0]  # fmt: skip
     found = differential_evolution(
         lambda x: cost(law, list(x)), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
-        polish=False,
+        polish=False, callback=lambda _x, convergence: advance(1),
     )  # fmt: skip
     return dict(zip(keys_of(law), map(float, found.x), strict=True))
 
@@ -223,7 +224,8 @@ def run(
     before = gains_in_force(law)
     gains = _read_gains(law, start) if start else before
     if search:
-        gains = looked_for(law, gains, generations)
+        with progress(f"tune {law}", generations, "generations") as advance:
+            gains = looked_for(law, gains, generations, advance)
     print(table(law, gains))
     costs = tuple(cost(law, [g[key] for key in keys_of(law)]) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")

@@ -153,8 +153,21 @@ def brake(
 
 
 def last_words(facts: Mapping[str, Any]) -> None:
-    """Tell the starter how it went, as one JSON line; one that is gone does not hear it."""
-    say(sys.stdout, json.dumps(facts))
+    """Tell how it went: a person at a terminal in words, the program that started it in JSON."""
+    say(sys.stdout, in_words(facts) if sys.stdout.isatty() else json.dumps(facts))
+
+
+def in_words(facts: Mapping[str, Any]) -> str:
+    """Return facts as lines; of a table of counters those that count something."""
+    lines = []
+    for name, fact in facts.items():
+        counted = (
+            (f"{key} {count}" for key, count in fact.items() if count)
+            if isinstance(fact, Mapping)
+            else (str(fact),)
+        )
+        lines.append(f"{name:<10} {', '.join(counted) or 'nothing'}".replace("_", " "))
+    return "\n".join(lines)
 
 
 def say(stream: TextIO, line: str) -> None:

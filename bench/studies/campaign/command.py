@@ -35,12 +35,12 @@ def run(
     if file is None:
         return 0
     rows = campaigns.rows_of(file, table.COLUMNS)
-    text = table.table(campaign, rows)
-    Output("--out", directory / "table.md", force=True).write(text)
+    written = Output("--out", directory / "table.md", force=True)
+    written.write(table.table(campaign, rows))
     table.write_worst(campaign, rows, directory / "worst")
     if find_spec("uplot") is not None:
         page.write_page(campaign, rows, Output("--out", directory / "campaign.html", force=True))
-    console.print(text, soft_wrap=True, markup=False)
+    console.print(table.told(campaign, rows), soft_wrap=True, markup=False)
     console.print(f"{file}, table.md, campaign.html and worst/ beside it")
     return 0
 

@@ -12,11 +12,12 @@ import signal
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bench.progress import Advance, progress
 from bench.run import directory as outdir
 from bench.studies.campaign.config import Campaign, draw, scenario_of
 from bench.studies.campaign.run import Row, run_many
@@ -71,7 +72,7 @@ def run(
     todo = [n for n in range(part_count(campaign))
             if n % shard.of == shard.number - 1 and n not in done]  # fmt: skip
     if todo and watch.end is None:
-        with _cluster(scheduler, workers) as client, _bar(console, campaign, todo) as advance:
+        with _cluster(scheduler, workers) as client, _progress(campaign, todo) as advance:
             for number, rows in _computed(client, campaign, todo, watch):
                 done[number] = _write_part(parts, number, rows)
                 advance(len(rows))
@@ -231,24 +232,10 @@ def _computed(
             pending.add(submit(following))
 
 
-@contextmanager
-def _bar(console: Console, campaign: Campaign, todo: list[int]) -> Iterator[Any]:
-    """A progress bar over runs, those of an earlier attempt done already."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
+def _progress(campaign: Campaign, todo: list[int]) -> AbstractContextManager[Advance]:
+    """Progress over runs, those of an earlier attempt done already."""
     left = sum(len(indices_of(campaign, number)) for number in todo)
-    columns = (TextColumn(campaign.name), BarColumn(), MofNCompleteColumn(), TextColumn("runs"),
-               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task("", total=campaign.runs, completed=campaign.runs - left)
-        yield lambda count: progress.advance(task, count)
+    return progress(campaign.name, campaign.runs, "runs", campaign.runs - left)
 
 
 def _write_part(parts: Path, number: int, rows: list[Row]) -> Path:

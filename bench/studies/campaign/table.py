@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
+from bench.report.text_table import text_table
 from bench.studies.campaign.config import Campaign, draw, tree_of
 from bench.studies.campaign.run import NOT_BEGUN, Row
 from hil.files import Output
@@ -22,9 +24,10 @@ FIGURES = (
     ("fuel_sigma_mg", "fuel sigma", "{:.3f}"),
 )
 HEAD = (
-    "law", "runs", "lost", "with contact", "misfires (forced)", "unsettled",
+    "law", "runs", "not begun", "lost", "with contact", "misfires (forced)", "unsettled",
     *(f"{title} [{key.rsplit('_', 1)[1]}]" for key, title, _ in FIGURES),
 )  # fmt: skip
+_COUNTS = len(HEAD) - len(FIGURES)
 QUANTILES = (50, 95, 100)
 
 COLUMNS = (
@@ -47,6 +50,20 @@ def table(campaign: Campaign, rows: Sequence[Row]) -> str:
     lines += ["", LEGEND, "", "## Worst runs", ""]
     lines += [f"- {told}: `{command}`" for told, command in worst_runs(campaign, rows)]
     return "\n".join(lines) + "\n"
+
+
+def told(campaign: Campaign, rows: Sequence[Row]) -> str:
+    """The same for a terminal: a block a law, since its row would be too long for one."""
+    lines = [title(campaign, rows), *wrap(LEGEND, 80)]
+    for law in campaign.controllers:
+        found = dict(zip(HEAD, cells(law, of_law(rows, law)), strict=True))
+        counts = ", ".join(f"{name} {found[name]}" for name in HEAD[1:_COUNTS])
+        spreads = text_table([(f"  {name}", found[name]) for name in HEAD[_COUNTS:]])
+        lines += ["", f"{law}: {counts}", spreads]
+    lines += ["", "worst runs"]
+    for name, command in worst_runs(campaign, rows):
+        lines += [f"  {name}", f"    {command}"]
+    return "\n".join(lines)
 
 
 def title(campaign: Campaign, rows: Sequence[Row]) -> str:
