@@ -39,15 +39,15 @@ def _console() -> Console:
 
 def replay(
     path: Path, config: Path | None, start_s: float | None, end_s: float | None,
-    law: Path | None = None,
+    law: Path | None = None, engine: Path | None = None,
 ) -> int:  # fmt: skip
     """Replay a log, or both of a run; 0 when identical, 1 when not."""
     from bench.logs.replay import replay as replays
     from bench.logs.replay.outcome_table import show
 
-    identical = True
+    identical, own = True, replays.OwnFiles(law, engine)
     for each in logs_of(path):
-        outcome = replays.replay_file(each, config, _span(start_s, end_s), law)
+        outcome = replays.replay_file(each, config, _span(start_s, end_s), own)
         with logs.open(each) as log:
             show(_console(), each, outcome, log)
         identical = identical and outcome.identical
@@ -78,16 +78,16 @@ def _pairs(first: Path, second: Path) -> list[tuple[Path, Path]]:
 
 def what_if(
     directory: Path, start: str, assignments: list[str], duration_s: float | None,
-    out: Path | None, law: Path | None = None,
+    out: Path | None, law: Path | None = None, engine: Path | None = None,
 ) -> int:  # fmt: skip
     """Continue a run with other parameters and draw both."""
+    from bench.logs.replay.replay import OwnFiles
     from bench.logs.what_if.comparison_table import show
     from bench.logs.what_if.continuation import Wish, continue_run
 
     console = _console()
-    told = continue_run(
-        directory_of(directory), Wish(start, tuple(assignments), duration_s, out, law)
-    )
+    wish = Wish(start, tuple(assignments), duration_s, out, OwnFiles(law, engine))
+    told = continue_run(directory_of(directory), wish)
     show(console, told)
     return 0
 
