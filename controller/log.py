@@ -8,12 +8,13 @@ from mypy_extensions import i64
 
 from controller.actuator import Machine
 from controller.mode.start_restart import Mode
-from controller.motion.law import Demand
+from controller.motion.own import OwnLaw
 from controller.reception import Arrival, Reception
-from controller.state import Output, State, StrokeReport
+from controller.state import Output, Params, State, StrokeReport
 from controller.supervision.protection import CycleReport
 from controller.timing.plan import PlannedPulse
 from hil.log import packing, topics
+from hil.names.own import MOST
 from hil.wire.status import ControllerStatus
 
 MAX_LOGGED: Final = 4
@@ -49,21 +50,35 @@ def is_occasion(output: Output) -> bool:
 
 
 def packed_occasions(
-    tick: int, t_ns: int, mode: Mode, output: Output, demand: Demand | None
+    tick: int, t_ns: int, params: Params, state: State, output: Output, asked: bool
 ) -> bytes:
     """What happens in few ticks: a stroke ends, the law asks, a mode changes."""
+    demand = state.fuelling.demand
     packing.begin()
     if output.stroke is not None:
         _add_stroke(tick, t_ns, output.stroke)
-    if demand is not None and demand.fuel_kg > 0.0:
+    if asked and demand.fuel_kg > 0.0:
         packing.demand(tick, t_ns, demand.fuel_kg, demand.v_ref_m_s)
     data = packing.packed()
     if output.cycle is not None:
         data += _cylinder(tick, t_ns, output.cycle)
-    severity = topics.FAULT if mode in _FAULT_MODES else topics.INFO
+    if asked and params.config.own.signals:
+        data += _told(tick, t_ns, params, state)
+    severity = topics.FAULT if state.mode in _FAULT_MODES else topics.INFO
     for code, text in output.events:
         data += topics.EVENT.pack(tick, t_ns, severity, code, text)
     return data
+
+
+def _told(tick: int, t_ns: int, params: Params, state: State) -> bytes:
+    """What a law of the user's own tells of itself, where it has just asked."""
+    name, fuelling = params.config.own.name, state.fuelling
+    law = params.laws.get(name)
+    in_force = fuelling.law_name == name and fuelling.demand.fuel_kg > 0.0
+    if not in_force or not isinstance(law, OwnLaw):
+        return b""
+    told = law.signals(fuelling.law)
+    return topics.LAW.pack(tick, t_ns, (*told, *(_NAN,) * (MOST - len(told))))
 
 
 def packed_note(tick: int, t_ns: int, code: str, text: str, batch: bytes) -> bytes:

@@ -254,8 +254,7 @@ class ControllerLoop:
             self._pacer.now_ns(), missed,
         )  # fmt: skip
         if asked or self._heard or is_occasion(output):
-            demand = state.fuelling.demand if asked else None
-            data += packed_occasions(tick, t_ns, state.mode, output, demand) + self._heard
+            data += packed_occasions(tick, t_ns, self.params, state, output, asked) + self._heard
             self._heard = b""
         if not missed and (tick + 1) % self._snapshot_every == 0:
             text = snapshot.dumps(self.remember())

@@ -9,11 +9,14 @@ from __future__ import annotations
 import hashlib
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from pydantic import BaseModel, ValidationError
 
 from hil.errors import ConfigError
 
@@ -21,6 +24,9 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 SUFFIX: Final = ".py"
+LAWS: Final = "fpeg_hil.laws"
+ENGINES: Final = "fpeg_hil.engines"
+"""The entry points by which an installed package offers laws and engines."""
 
 
 class Brought(NamedTuple):
@@ -111,12 +117,35 @@ def installed(group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=group)}
 
 
+def _offered(group: str, name: str) -> EntryPoint:
+    """Return the entry point of that name.
+
+    Raises: ConfigError when no installed package has it
+    """
+    point = installed(group).get(name)
+    if point is None:
+        known = ", ".join(installed(group)) or "none"
+        raise ConfigError(f"{group}: no installed package offers {name!r}; offered: {known}")
+    return point
+
+
+def source_file(group: str, name: str, file: str = "") -> Path:
+    """Return the file that a law or an engine comes from: its own, or that of its package.
+
+    Raises: ConfigError when no installed package offers it
+    """
+    if file:
+        return Path(file)
+    found = find_spec(_offered(group, name).module)
+    return Path((found.origin if found is not None else None) or "")
+
+
 def load_installed(group: str, name: str, sha256: str = "") -> tuple[Any, Brought]:
     """Return what an installed package offers by that name, and the file that it comes from.
 
     Raises: ConfigError when it cannot be loaded, or is of another file than the run's
     """
-    point = installed(group)[name]
+    point = _offered(group, name)
     try:
         offered = point.load()
     except Exception as error:
@@ -128,3 +157,42 @@ def load_installed(group: str, name: str, sha256: str = "") -> tuple[Any, Brough
     if sha256 and digest != sha256:
         raise ConfigError(f"{group} {name}: {path} is another file than the run's ({sha256})")
     return offered, Brought(name, path, digest, data.decode("utf-8", "replace"), module)
+
+
+def is_brought(group: str, name: str) -> bool:
+    """Tell whether a name is a file's, or is of an installed package."""
+    return name.endswith(SUFFIX) or name in installed(group)
+
+
+def settings_of(kind: Any, given: Mapping[str, Any], where: str, path: Path) -> BaseModel | None:  # noqa: ANN401
+    """Return a class's own settings, whole; None for one that declares none.
+
+    Parameters: where : the section that they are of, as in controller.own.settings
+    Raises: ConfigError naming the key
+    """
+    model = getattr(kind, "Settings", None)
+    if model is None:
+        if given:
+            raise ConfigError(f"{where}: {path} declares no Settings; accepted: nothing")
+        return None
+    known = ", ".join(model.model_fields)
+    for key in given.keys() - model.model_fields.keys():
+        raise ConfigError(f"{where}.{key}: unknown; {path} has: {known}")
+    try:
+        found: BaseModel = model.model_validate(dict(given))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join((where, *map(str, first["loc"])))
+        raise ConfigError(f"{key} = {first['input']!r}: {first['msg']}") from None
+    return found
+
+
+def make(kind: Any, brought: Brought, *arguments: Any) -> Any:  # noqa: ANN401
+    """Make one of a user's class; what is None is not given to it.
+
+    Raises: ConfigError naming file and line when it fails
+    """
+    try:
+        return kind(*(one for one in arguments if one is not None))
+    except Exception as error:
+        raise ConfigError(told(error, str(brought.path.resolve()))) from None

@@ -211,6 +211,8 @@ def _choice(named: dict[str, Any], kinds: list[Any]) -> _Form:
 def _write_any(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, _SCALARS) and not isinstance(value, IntEnum):
         return value
+    if type(value) is tuple:
+        return [_write_any(item) for item in value]
     kind: Any = type(value)
     writer = _form(kind).write
     name = f"{kind.__module__}:{kind.__qualname__}"
@@ -218,6 +220,8 @@ def _write_any(value: Any) -> Any:  # noqa: ANN401
 
 
 def _read_any(tree: Any) -> Any:  # noqa: ANN401
+    if isinstance(tree, list):
+        return tuple(_read_any(item) for item in tree)
     if not isinstance(tree, dict):
         return tree
     ((name, fields),) = tree.items()

@@ -8,6 +8,7 @@ from hil.config.plant import PlantConfig
 from hil.config.ranges import stale_ticks
 from hil.names.parameters import apply
 from hil.values import replace
+from plant.engines.own.model import OwnEngine
 from plant.rig.events import Event
 from plant.rig.ignition import ignition_of
 from plant.rig.orders import obey
@@ -17,11 +18,17 @@ from plant.rig.stroke import act
 
 
 def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
-    """Return the parameters by another configuration; the engine stays as it was built."""
-    load_n_s_m = config.load_coefficient_n_s_m
+    """Return the parameters by another configuration; an engine of ours stays as it was built.
+
+    Raises: ConfigError for settings that an engine of the user's does not accept
+    """
+    load_n_s_m, engine = config.load_coefficient_n_s_m, p.engine
+    if isinstance(engine, OwnEngine):
+        engine = engine.remade(config)
     return replace(
         p,
         config=config,
+        engine=engine,
         load_coefficient_n_s_m=p.load_coefficient_n_s_m if load_n_s_m is None else load_n_s_m,
         stale_ticks=stale_ticks(config.stale_s, p.period_ns),
         spark_window_ns=window_ns(config.spark_window_s),

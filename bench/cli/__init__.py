@@ -28,7 +28,8 @@ BusOption = Annotated[
     str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="CAN bus, with --link can.")
 ]
 ModelOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Engine model: {models}, or fmu:FILE.")
+    str | None,
+    typer.Option(metavar="NAME", help="Engine model: {models}, fmu:FILE, or a .py file."),
 ]
 PrototypeOption = Annotated[
     str | None,
@@ -180,11 +181,11 @@ def report(
 @app.command(heading=MACHINE)
 def check(
     what: Annotated[
-        Literal["machine", "trust", "law"],
-        typer.Argument(help="What this machine can do, what is promised, or a law of one's own."),
+        Literal["machine", "trust", "law", "engine"],
+        typer.Argument(help="What this machine can do, what is promised, or what is one's own."),
     ] = "machine",
     file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="The law's .py file, for `law`.")
+        Path | None, typer.Argument(metavar="FILE", help="Its .py file, for `law` and `engine`.")
     ] = None,
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Few tries of each attack.")] = False,
@@ -196,15 +197,15 @@ def check(
     """Say what this machine can do; or attack what is promised.
 
     What it cannot do is told with how to mend it. `trust` kills, stops and floods runs and damages
-    logs; `law` tries whether a law of one's own does what the loops rely on. Exit code 1: a promise
-    was not kept.
+    logs; `law` and `engine` try whether one's own does what the loops rely on. Exit code 1: a
+    promise was not kept.
     """
-    if what == "law":
+    if what in ("law", "engine"):
         from bench.own.conformance import run as conform
 
         if file is None:
-            raise ConfigError("hil check law: accepted is a .py file, as in hil check law ./my.py")
-        raise typer.Exit(conform(file))
+            raise ConfigError(f"hil check {what}: accepted is a .py file, as in ./my_{what}.py")
+        raise typer.Exit(conform(what, file))
     if what == "trust":
         from bench.trust.page import run as attack
         from hil.files import Output

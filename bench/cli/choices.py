@@ -16,7 +16,7 @@ def with_choices(text: str) -> str:
 
 
 def _models() -> Iterable[str]:
-    from hil.config.plant import OWN_MODELS
+    from hil.config.engine.models import OWN_MODELS
 
     return OWN_MODELS
 

@@ -15,6 +15,10 @@ LawOption = Annotated[
     Path | None,
     typer.Option("--controller", metavar="FILE", help="The law, where the run was of one's own."),
 ]
+EngineOption = Annotated[
+    Path | None,
+    typer.Option("--model", metavar="FILE", help="The engine, where the run was of one's own."),
+]
 Format = Literal["parquet", "csv", "mf4"]
 
 
@@ -29,6 +33,7 @@ def replay(
         Path | None, typer.Option(help="Scenario to use for a log that carries none.")
     ] = None,
     controller: LawOption = None,
+    model: EngineOption = None,
 ) -> None:
     """Feed a log to the loops as they are today, compare what they do.
 
@@ -36,7 +41,7 @@ def replay(
     """
     from bench.logs import commands
 
-    raise typer.Exit(commands.replay(log, config, start, end, controller))
+    raise typer.Exit(commands.replay(log, config, start, end, controller, model))
 
 
 def diff(
@@ -62,12 +67,13 @@ def what_if(
     duration: Annotated[float | None, typer.Option(help="End of the continued run [s].")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory of logs and picture.")] = None,
     controller: LawOption = None,
+    model: EngineOption = None,
 ) -> None:
     """Continue a run from an instant with other parameters; draw both."""
     from bench.logs import commands
 
     raise typer.Exit(
-        commands.what_if(directory, start, assignments or [], duration, out, controller)
+        commands.what_if(directory, start, assignments or [], duration, out, controller, model)
     )
 
 

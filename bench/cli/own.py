@@ -8,7 +8,7 @@ import typer
 
 from bench.cli.options import RUNS, Commands, Force
 
-Kind = Literal["law", "engine", "scenario", "suite"]
+Kind = Literal["law", "engine", "prototype", "scenario", "suite"]
 
 
 def new(
@@ -17,7 +17,7 @@ def new(
     *,
     force: Force = False,
 ) -> None:
-    """Write a law, engine, scenario or suite to begin from."""
+    """Write a law, engine, prototype, scenario or suite to begin from."""
     from bench.own.beginning import write
 
     path = write(kind, name, force=force)

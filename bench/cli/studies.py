@@ -69,6 +69,9 @@ def tune(
     out: Annotated[
         Path | None, typer.Option(help="Scenario file to write, gains and provenance in it.")
     ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Engine model to judge on, in place of both linear ones.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Judge the gains of a law, or look for better ones.
@@ -78,7 +81,15 @@ def tune(
     from bench.studies import tune as work
 
     raise typer.Exit(
-        work.run(law, search=search, generations=generations, start=start, out=out, force=force)
+        work.run(
+            law,
+            search=search,
+            generations=generations,
+            start=start,
+            out=out,
+            force=force,
+            model=model,
+        )
     )
 
 

@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.fmu.description import Entry, describe_build, describe_model
-from hil.config.plant import DETAILED_MODELS, PlantConfig
+from hil.config.engine.models import DETAILED_MODELS
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.files import Output
 from hil.nearest import listed

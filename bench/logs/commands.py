@@ -38,13 +38,15 @@ def _console() -> Console:
 
 def replay(
     path: Path, config: Path | None, start_s: float | None, end_s: float | None,
-    law: Path | None = None,
+    law: Path | None = None, engine: Path | None = None,
 ) -> int:  # fmt: skip
     """Replay a log; 0 when identical, 1 when not."""
     from bench.logs.replay import replay as replays
     from bench.logs.replay.outcome_table import show
 
-    outcome = replays.replay_file(path, config, _span(start_s, end_s), law)
+    outcome = replays.replay_file(
+        path, config, _span(start_s, end_s), replays.OwnFiles(law, engine)
+    )
     with logs.open(path) as log:
         show(_console(), path, outcome, log)
     return 0 if outcome.identical else 1
@@ -63,14 +65,16 @@ def diff(first: Path, second: Path, *, timing: bool) -> int:
 
 def what_if(
     directory: Path, start: str, assignments: list[str], duration_s: float | None,
-    out: Path | None, law: Path | None = None,
+    out: Path | None, law: Path | None = None, engine: Path | None = None,
 ) -> int:  # fmt: skip
     """Continue a run with other parameters and draw both."""
+    from bench.logs.replay.replay import OwnFiles
     from bench.logs.what_if.comparison_table import show
     from bench.logs.what_if.continuation import Wish, continue_run
 
     console = _console()
-    told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out, law))
+    own = OwnFiles(law, engine)
+    told = continue_run(directory, Wish(start, tuple(assignments), duration_s, out, own))
     show(console, told)
     return 0
 

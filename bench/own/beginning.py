@@ -1,4 +1,4 @@
-"""Files to begin from: `hil new law|engine|scenario|suite NAME`."""
+"""Files to begin from: `hil new law|engine|prototype|scenario|suite NAME`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from hil.errors import ConfigError
 from hil.files import Output
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
-KINDS: Final = {"law": "law.py.txt", "engine": "engine.toml", "scenario": "scenario.toml",
-                "suite": "suite.scenario.toml"}  # fmt: skip
+KINDS: Final = {
+    "law": "law.py.txt", "engine": "engine.py.txt", "prototype": "prototype.toml",
+    "scenario": "scenario.toml", "suite": "suite.scenario.toml",
+}  # fmt: skip
 """By what is begun, the file that it begins from."""
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9-]{0,30}")
@@ -26,7 +28,7 @@ def write(kind: str, name: str, *, force: bool) -> Path:
         raise ConfigError(f"{name!r}: accepted are small letters, figures and dashes, as in my-law")
     template = _TEMPLATES / KINDS[kind]
     ending = template.name.partition(".")[2].removesuffix(".txt")  # a template is no module of ours
-    path = Path(f"{name.replace('-', '_') if kind == 'law' else name}.{ending}")
+    path = Path(f"{name.replace('-', '_') if ending == 'py' else name}.{ending}")
     text = template.read_text("utf-8").replace("NAME", name).replace("FILE", path.name)
     Output("hil new", path, force).write(text)
     return path

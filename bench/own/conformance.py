@@ -1,146 +1,52 @@
-"""A law of one's own put through its paces: what the loops rely on, tried and told by name."""
+"""A law or an engine of one's own put through its paces: what the loops rely on, tried and told.
+
+hil check law ./my_law.py
+hil check engine ./my_engine.py
+"""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any
 
-from bench.run.offline import Course, simulate
-from bench.run.resolve import resolve
-from bench.run.scenarios import read
+from bench.own.energy import energy_findings
+from bench.own.watching import Finding, findings_of, scenarios, tell
 from controller.motion.fuelling import Fuelling
 from controller.motion.law import NO_DEMAND
 from controller.motion.own import own_source
-from hil import snapshot
-from hil.config.resolved import Resolved
-from hil.errors import ConfigError, HilError
-
-_CASES: Final = (("steady", 1.0), ("load-decrease", 1.6), ("misfire", 1.6), ("start", 1.5))
-"""Scenarios that show a law all that may come, and for how long [s]."""
-
-_NEAR_M: Final = 1.0e-3
-"""Of its set point, at the end of a steady run."""
-
-_MOST_US: Final = 200.0
-"""A fifth of a tick of 1 kHz."""
+from plant.engines.own.physics import OwnState, source_of
 
 
-class Finding(NamedTuple):
-    """One demand on a law: met or not, and what was seen."""
-
-    demand: str
-    met: bool
-    seen: str
-
-
-class _Watched:
-    """What one law's steps were seen to do."""
-
-    def __init__(self) -> None:
-        self.calls = 0
-        self.impure = self.changed = self.unwritable = ""
-        self.spent_s = 0.0
-
-    def step(self, original: Callable[..., Any], law: Any, state: Any, view: Any) -> Any:  # noqa: ANN401
-        """Ask the law twice, and look at the state before and after."""
-        before = self._text(state)
-        begun_s = time.perf_counter()
-        given = original(law, state, view)
-        self.spent_s += time.perf_counter() - begun_s
-        self.calls += 1
-        if repr(original(law, state, view)) != repr(given):
-            self.impure = f"call {self.calls}"
-        if self._text(state) != before:
-            self.changed = f"call {self.calls}"
-        return given
-
-    def _text(self, value: Any) -> str:  # noqa: ANN401
-        try:
-            return snapshot.dumps(Fuelling("own", value, NO_DEMAND, (0.0, 0.0)))
-        except TypeError as error:
-            self.unwritable = str(error)
-            return repr(value)
-
-
-def findings(file: Path) -> list[Finding]:
+def law_findings(file: Path) -> list[Finding]:
     """Run a law through scenarios, twice, and say what it does of what is demanded.
 
     Raises: ConfigError when it cannot be loaded
     """
-    scenarios = [_scenario(file, name, duration_s) for name, duration_s in _CASES]
-    source = own_source(scenarios[0].controller)
+    cases = scenarios("controller.name", file)
+    source = own_source(cases[0].controller)
     assert source is not None, "a file was given"
-    with _watching(source[0]) as seen:
-        first, fault = _courses(scenarios)
-    second, _ = _courses(scenarios) if not fault else ([], "")
-    us = 1e6 * seen.spent_s / max(seen.calls, 1)
-    running = [course.mode for course in first]
-    return [
-        Finding(
-            "range: a finite fuel in every stroke", not fault, fault or f"{seen.calls} strokes"
-        ),
-        Finding("purity: the same answer to the same question", not seen.impure, seen.impure),
-        Finding("purity: its state is not changed in place", not seen.changed, seen.changed),
-        Finding(
-            "snapshot: its state can be written and read", not seen.unwritable, seen.unwritable
-        ),
-        Finding("determinism: two runs are the same", first == second and not fault, ""),
-        Finding(f"time: {_MOST_US:g} us a step in the mean", us <= _MOST_US, f"{us:.1f} us"),
-        Finding("it keeps the engine running", set(running) == {"generating"}, ", ".join(running)),
-        _holding(scenarios[0], first),
-    ]
+    return findings_of(source[0], ("step",), _held_of_law, cases)
 
 
-def _holding(steady: Resolved, courses: list[Course]) -> Finding:
-    """Whether the dead centre is where it was to be, when nothing has disturbed the engine."""
-    if not courses:
-        return Finding("it holds the dead centre", False, "")
-    off_m = abs(courses[0].dead_centres[-1].x_m) - steady.controller.tdc_ref_m
-    return Finding("it holds the dead centre", abs(off_m) < _NEAR_M, f"{1e3 * off_m:+.3f} mm")
+def engine_findings(file: Path) -> list[Finding]:
+    """Run an engine through scenarios, twice, and say what it does of what is demanded.
+
+    Raises: ConfigError when it cannot be loaded, RunError when it fails by itself
+    """
+    cases = scenarios("plant.model", file)
+    kind = source_of(cases[0].plant)[0]
+    methods = ("advance", "turn", "light", "sensed")
+    found = findings_of(kind, methods, OwnState, cases)
+    return found + (energy_findings(cases[0]) if found[0].met else [])
 
 
-def _scenario(file: Path, name: str, duration_s: float) -> Resolved:
-    changes = [
-        ("controller.name", str(file)), ("run.duration_s", duration_s),
-        ("loop.clock", "lockstep"),
-    ]  # fmt: skip
-    return resolve(read(name, changes))
+def _held_of_law(state: Any) -> Fuelling:  # noqa: ANN401
+    return Fuelling("own", state, NO_DEMAND, (0.0, 0.0))
 
 
-def _courses(scenarios: list[Resolved]) -> tuple[list[Course], str]:
-    """Run them all; the text is what ended one before its time."""
-    courses = []
-    for scenario in scenarios:
-        try:
-            courses.append(simulate(scenario))
-        except ConfigError:
-            raise
-        except HilError as error:
-            return courses, f"{scenario.name}: {error}"
-    return courses, ""
-
-
-@contextmanager
-def _watching(kind: Any) -> Iterator[_Watched]:  # noqa: ANN401
-    """Look at every step of a class meanwhile."""
-    seen, original = _Watched(), kind.step
-    kind.step = lambda law, state, view: seen.step(original, law, state, view)
-    try:
-        yield seen
-    finally:
-        kind.step = original
-
-
-def run(file: Path) -> int:
-    """Say what a law does of what is demanded; 0 when all of it.
+def run(what: str, file: Path) -> int:
+    """Say what a law or an engine does of what is demanded; 0 when all of it.
 
     Raises: ConfigError when it cannot be loaded
     """
-    found = findings(file)
-    for finding in found:
-        sign, tail = "✓" if finding.met else "✗", f": {finding.seen}" if finding.seen else ""
-        print(f"{sign} {finding.demand}{tail}")
-    return 0 if all(finding.met for finding in found) else 1
+    return tell(law_findings(file) if what == "law" else engine_findings(file))

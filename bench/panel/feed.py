@@ -15,10 +15,10 @@ from hil.log import topics
 from hil.log.chunks import gather, index_entries
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET, Topic
 
-_TOPICS: Final = {topic.name: topic for topic in topics.ALL}
+_TOPICS: Final = {topic.name: topic for topic in topics.EVERY}
 _ROWS: Final = {
     topic.name: np.dtype(topic.layout.numpy_spec)
-    for topic in topics.ALL
+    for topic in topics.EVERY
     if not topic.layout.variable
 }
 _LENGTH: Final = np.dtype("<u4")

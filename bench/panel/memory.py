@@ -72,4 +72,4 @@ class Memory:
         self._rings.clear()
 
 
-_RARE: Final = frozenset(topic.name for topic in topics.ALL if topic.rate != "tick")
+_RARE: Final = frozenset(topic.name for topic in topics.EVERY if topic.rate != "tick")

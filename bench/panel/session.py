@@ -21,6 +21,7 @@ from bench.run.directory import RunFiles
 from drivers.links import open_operator
 from drivers.zenoh.channels import ZenohOperator
 from drivers.zenoh.sockets import records_socket
+from hil.config.base import value_of
 from hil.config.resolved import Resolved
 from hil.names import parameters
 from hil.names.leaves import Parameter
@@ -79,7 +80,7 @@ class Session:
             "engine": _facts(self.subject),
             "signals": signals.listed(),
             "commands": steering.offered(),
-            "parameters": [p.table() for p in _live()],
+            "parameters": [p.table() for p in _live(self.subject.scenario)],
             "steerable": self.steering.is_possible,
         })  # fmt: skip
         viewer.tell(self._values())
@@ -174,7 +175,7 @@ def opened(subject: Subject) -> Session:
     Raises: ConfigError, LinkError when its session does not open
     """
     operator, scenario = None, subject.scenario
-    begun = {p.key: parameters.value_of(scenario, p.key) for p in _live()}
+    begun = {p.key: value_of(scenario, p.key) for p in _live(scenario)}
     if subject.scenario.link.kind != "memory":
         operator = open_operator(subject.scenario.link, subject.scenario.loop, "hil panel")
     return Session(
@@ -182,8 +183,9 @@ def opened(subject: Subject) -> Session:
     )
 
 
-def _live() -> list[Parameter]:
-    return [p for p in parameters.parameters().values() if p.live]
+def _live(scenario: Resolved) -> list[Parameter]:
+    live = [p for p in parameters.parameters().values() if p.live]
+    return [*live, *parameters.settings(scenario)]
 
 
 def _facts(subject: Subject) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from bench.judge.strokes import Floats
 from bench.run.directory import RunFiles
 from hil import log as logs
 from hil import snapshot
-from hil.config.plant import DETAILED_MODELS
+from hil.config.engine.models import DETAILED_MODELS
 from hil.config.resolved import Resolved
 from hil.log import Log, Span
 from hil.values import replace

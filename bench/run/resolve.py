@@ -9,7 +9,7 @@ from typing import Any
 from bench.run.checks.protection import check_protection
 from bench.run.checks.signals import check_expectations
 from bench.run.checks.stimuli import check_stimuli, loaded
-from bench.run.filling import detailed, fmu, ignition, port
+from bench.run.filling import detailed, fmu, ignition, own, port
 from bench.run.filling.start_load import start_load
 from bench.run.sensitivities import believing
 from controller.knowledge import load_for_power
@@ -26,6 +26,7 @@ from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.config.supervisory.air import AirKnowledge
 from hil.errors import ConfigError
+from hil.names.own import checked
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle, steady_at
 from plant.engines.fast.limit_cycle import power_w as settled_power_w
@@ -90,6 +91,8 @@ def _resolved(scenario: Scenario, sockets: Path | None) -> Resolved:
     """
     if fmu.is_unit(scenario):
         return fmu.fill(scenario, lambda like: _resolved(like, sockets))
+    if own.is_own(scenario):
+        return own.fill(scenario, lambda like: _resolved(like, sockets))
     check_names(scenario)
     if scenario.plant.model == "closed-form" and scenario.controller.name == "machine":
         raise ConfigError(
@@ -122,16 +125,17 @@ def _own(scenario: Scenario) -> dict[str, Any]:
 
     Raises: ConfigError when it cannot be the law of this run
     """
-    own, source = scenario.controller.own, own_source(scenario.controller)
+    given, source = scenario.controller.own, own_source(scenario.controller)
     if source is None:
-        return own.model_dump()
+        return given.model_dump()
     kind, brought = source
     settings = own_settings(kind, scenario.controller, brought)
     return {
-        "name": own.name or scenario.controller.name,
-        "file": own.file and str(brought.path.resolve()),
+        "name": given.name or scenario.controller.name,
+        "file": given.file and str(brought.path.resolve()),
         "sha256": brought.sha256,
         "settings": {} if settings is None else settings.model_dump(),
+        "signals": checked(getattr(kind, "signals", {}), str(brought.path)),
     }
 
 

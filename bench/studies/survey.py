@@ -18,6 +18,7 @@ from bench.run.resolve import resolve
 from bench.studies.bound import Informed
 from bench.studies.compare import NO_CONTROL, Tree, bound_of, least_sigma_mm
 from bench.studies.pool import worker_pool
+from controller.motion.choice import watches
 from controller.motion.laws import LAWS
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
@@ -123,16 +124,17 @@ def survey(
 
 def in_order(rows: Iterable[Row]) -> list[Row]:
     """Rows by engine, rate and law."""
-    order = {name: place for place, name in enumerate(LAWS)}
+    laws = {name: place for place, name in enumerate(LAWS)}
     engines = {tuple(engine): place for place, engine in enumerate(ENGINES)}
     return sorted(rows, key=lambda row: (
-        engines.get((row.engine, row.model), len(engines)), row.rate_hz, order[row.law]
+        engines.get((row.engine, row.model), len(engines)), row.rate_hz,
+        laws.get(row.law, len(laws)),
     ))  # fmt: skip
 
 
 def known_to(law: str) -> Informed:
     """What a law can know when it fixes the fuel: one that watches the ticks knows all."""
-    return "full" if LAWS[law].watch is not LAWS[NO_CONTROL].watch else "mid-stroke"
+    return "full" if watches(law) else "mid-stroke"
 
 
 def bound_row(

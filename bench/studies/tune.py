@@ -22,7 +22,8 @@ from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from controller.motion.laws import LAWS
 from controller.motion.own import own_settings, own_source
-from hil.brought import SUFFIX, name_of
+from hil.brought import LAWS as LAWS_GROUP
+from hil.brought import is_brought, name_of
 from hil.config.controller import ControllerConfig
 from hil.config.load import build, with_override
 from hil.config.resolved import Resolved
@@ -74,18 +75,33 @@ OTHER_ENGINES = tuple(
 """Engines that the controller does not know of: the robustness constraint."""
 
 
+class Trial(NamedTuple):
+    """What a set of gains is judged by: steps, and steps on engines that are not believed."""
+
+    cells: tuple[Cell, ...]
+    others: tuple[Cell, ...]
+
+
+def trial_of(model: str | None = None) -> Trial:
+    """Return the cells of both models, or the same steps on another one: a name or a file."""
+    if model is None:
+        return Trial(CELLS, OTHER_ENGINES)
+    cells = (cell._replace(model=model) for cell in CELLS if cell.model == MODELS[0])
+    return Trial(tuple(cells), tuple(cell._replace(model=model) for cell in OTHER_ENGINES))
+
+
 TUNABLE = {name: law.parameters for name, law in LAWS.items() if law.parameters}
 """Every law that has something to tune, with the keys of its gains below `controller.`."""
 
 
 def keys_of(law: str) -> tuple[str, ...]:
-    """Return the keys of a law's gains; of a file's law they are the numbers of its Settings.
+    """Return the keys of a law's gains; of a user's own they are the numbers of its Settings.
 
     Raises: ConfigError for a law without gains
     """
     if law in TUNABLE:
         return TUNABLE[law]
-    if not law.endswith(SUFFIX):
+    if not is_brought(LAWS_GROUP, law):
         raise ConfigError(
             f"tune {law!r}: accepted are {', '.join(TUNABLE)}, or a file ending in .py"
             f"{did_you_mean(law, TUNABLE)}"
@@ -96,9 +112,9 @@ def keys_of(law: str) -> tuple[str, ...]:
     return keys
 
 
-def _own_gains(file: str) -> Gains:
-    """The numbers of a file's Settings, as they are unless set otherwise."""
-    config = ControllerConfig(name=file)
+def _own_gains(law: str) -> Gains:
+    """The numbers of the Settings of a user's own law, as they are unless set otherwise."""
+    config = ControllerConfig(name=law)
     source = own_source(config)
     settings = None if source is None else own_settings(source[0], config, source[1])
     given = {} if settings is None else settings.model_dump()
@@ -152,7 +168,7 @@ def read_off(course: Course, tdc_ref_m: float) -> Response:
     )
 
 
-def cost(law: str, vector: Sequence[float]) -> float:
+def cost(law: str, vector: Sequence[float], trial: Trial | None = None) -> float:
     """Worst cell's largest error late after the step, and a little of all squared errors.
 
     A set that is fine in seven cells and slow in one is not fine; the squares keep the search
@@ -160,8 +176,9 @@ def cost(law: str, vector: Sequence[float]) -> float:
     than is believed no late error beyond `ROBUST_MM`; what is beyond counts ten times.
     """
     gains = dict(zip(keys_of(law), vector, strict=True))
-    results = [judge(cell, law, gains) for cell in CELLS]
-    others = [judge(cell, law, gains) for cell in OTHER_ENGINES]
+    cells, other_engines = trial_of() if trial is None else trial
+    results = [judge(cell, law, gains) for cell in cells]
+    others = [judge(cell, law, gains) for cell in other_engines]
     if any(len(result.errors_mm) < FEWEST_STROKES for result in results + others):
         return UNSETTLED
     squares = sum(min(abs(e), 5.0) ** 2 for result in results for e in result.errors_mm)
@@ -169,7 +186,7 @@ def cost(law: str, vector: Sequence[float]) -> float:
     return max(result.peak_after_mm(LATE_S) for result in results) + 1e-3 * squares + 10.0 * beyond
 
 
-def looked_for(law: str, start: Gains, generations: int) -> Gains:
+def looked_for(law: str, start: Gains, generations: int, trial: Trial | None = None) -> Gains:
     """Differential evolution, seeded, within a factor of two about the gains in force."""
     from scipy.optimize import differential_evolution
 
@@ -177,7 +194,7 @@ def looked_for(law: str, start: Gains, generations: int) -> Gains:
     bounds = [sorted((0.5 * gain, min(2.0 * gain, 1.0) if law == "machine" and gain > 0.1
                       else 2.0 * gain)) for gain in x0]  # fmt: skip
     found = differential_evolution(
-        lambda x: cost(law, list(x)), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
+        lambda x: cost(law, list(x), trial), bounds, x0=x0, maxiter=generations, popsize=6, rng=1,
         polish=False,
     )  # fmt: skip
     return dict(zip(keys_of(law), map(float, found.x), strict=True))
@@ -185,7 +202,7 @@ def looked_for(law: str, start: Gains, generations: int) -> Gains:
 
 def gains_in_force(law: str) -> Gains:
     """The gains of the default configuration."""
-    if law.endswith(SUFFIX):
+    if law not in TUNABLE:
         return {f"own.settings.{key}": value for key, value in _own_gains(law).items()}
     found = {}
     for key in TUNABLE[law]:
@@ -196,10 +213,11 @@ def gains_in_force(law: str) -> Gains:
     return found
 
 
-def table(law: str, gains: Gains) -> str:
+def table(law: str, gains: Gains, trial: Trial | None = None) -> str:
     """Peak and settling of every cell, the cells of the constraint last."""
     lines = [f"{law}: " + ", ".join(f"{key} = {value:.4g}" for key, value in gains.items())]
-    for cell in (*CELLS, *OTHER_ENGINES):
+    cells, others = trial_of() if trial is None else trial
+    for cell in (*cells, *others):
         result = judge(cell, law, gains)
         lines.append(
             f"  {cell}: peak {result.peak_mm:.3f} mm, settles in {result.settling_ms:.0f} ms,"
@@ -210,7 +228,7 @@ def table(law: str, gains: Gains) -> str:
 
 def run(
     law: str, *, search: bool, generations: int, start: str | None, out: Path | None,
-    force: bool = False,
+    force: bool = False, model: str | None = None,
 ) -> int:  # fmt: skip
     """Judge, search where asked, say what it bought, write gains and provenance.
 
@@ -220,15 +238,15 @@ def run(
     file = None if out is None else Output("--out", out, force)
     if file is not None:
         file.check(".toml")
-    before = gains_in_force(law)
+    before, trial = gains_in_force(law), trial_of(model)
     gains = _read_gains(law, start) if start else before
     if search:
-        gains = looked_for(law, gains, generations)
-    print(table(law, gains))
-    costs = tuple(cost(law, [g[key] for key in keys_of(law)]) for g in (before, gains))
+        gains = looked_for(law, gains, generations, trial)
+    print(table(law, gains, trial))
+    costs = tuple(cost(law, [g[key] for key in keys_of(law)], trial) for g in (before, gains))
     print(f"cost {costs[1]:.4f}; with the gains in force {costs[0]:.4f}")
     if file is not None:
-        _write(law, gains, costs, file, generations if search else 0)
+        _write(law, gains, costs, file, trial, generations if search else 0)
         print(f"{out}: hil run {out}")
     return 0
 
@@ -246,7 +264,7 @@ def _read_gains(law: str, text: str) -> Gains:
 
 
 def _write(
-    law: str, gains: Gains, costs: tuple[float, ...], file: Output, generations: int
+    law: str, gains: Gains, costs: tuple[float, ...], file: Output, trial: Trial, generations: int
 ) -> None:
     """Write a scenario that runs with the gains, and says where they are from."""
     from bench.studies.campaign.table import to_toml
@@ -258,7 +276,7 @@ def _write(
         tree = with_override(tree, f"controller.{key}", value)
     tree = with_override(tree, "controller.tuning", {
         "law": name_of(law), "objective": " ".join((cost.__doc__ or "").split()),
-        "cells": [str(cell) for cell in (*CELLS, *OTHER_ENGINES)],
+        "cells": [str(cell) for cell in (*trial.cells, *trial.others)],
         "method": f"differential evolution, {generations} generations, seed 1"
         if generations else "judged only",
         "cost": costs[1], "cost_before": costs[0],

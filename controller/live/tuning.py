@@ -9,7 +9,7 @@ from typing import Any, Final
 from mypy_extensions import i64
 
 from controller.mode.operation import Bounds
-from controller.motion.choice import check, made_of
+from controller.motion.choice import check, remade
 from controller.motion.drive import Cycle
 from controller.motion.law import Law
 from controller.motion.maps.stroke_map import StrokeMap
@@ -81,7 +81,7 @@ def retuned(params: Params, config: ControllerConfig) -> Params:
     """
     after = params_of(
         config, params.begun, params.engine, params.period_ns, params.stroke_map,
-        {**params.laws, **made_of(config)}, params.valve_table, params.cycle,
+        remade(params.laws, config), params.valve_table, params.cycle,
     )  # fmt: skip
     most_m = after.bounds.limit_m - config.supervisory.tdc_room_m
     tdc_m = config.tdc_ref_m

@@ -7,8 +7,10 @@ from typing import Any
 
 from controller.motion.law import Law
 from controller.motion.laws import LAWS
+from controller.motion.laws.open_loop import OpenLoop
 from controller.motion.maps.stroke_map import StrokeMap
-from controller.motion.own import is_own, make_own
+from controller.motion.own import OwnLaw, make_own, own_source
+from hil import brought
 from hil.config.controller import ControllerConfig
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
@@ -29,6 +31,26 @@ def make_laws(config: ControllerConfig) -> dict[str, Law[Any]]:
 def made_of(config: ControllerConfig) -> dict[str, Law[Any]]:
     """Make the laws that are ours."""
     return {name: law(config) for name, law in LAWS.items()}
+
+
+def remade(laws: Mapping[str, Law[Any]], config: ControllerConfig) -> dict[str, Law[Any]]:
+    """Make the laws of a run anew by another configuration; its user's own is not loaded again.
+
+    Raises: ConfigError for settings that it does not accept
+    """
+    own = {name: law.remade(config) for name, law in laws.items() if isinstance(law, OwnLaw)}
+    return {**made_of(config), **own}
+
+
+def watches(name: str) -> bool:
+    """Tell whether a law looks at every tick, and so knows all of a stroke.
+
+    Raises: ConfigError when its file cannot be loaded
+    """
+    if name in LAWS:
+        return LAWS[name].watch is not LAWS[OpenLoop.name].watch
+    source = own_source(ControllerConfig(name=name))
+    return source is not None and callable(getattr(source[0], "watch", None))
 
 
 def refusal(name: str, laws: Mapping[str, Law[Any]], stroke_map: StrokeMap | None) -> str:
@@ -57,7 +79,7 @@ def check_name(name: str, where: str) -> None:
 
     Raises: ConfigError
     """
-    if name not in LAWS and not is_own(name):
+    if name not in LAWS and not brought.is_brought(brought.LAWS, name):
         raise ConfigError(
             f"{where} = {name!r}: accepted: {', '.join(LAWS)}, or a file ending in .py"
             f"{did_you_mean(name, LAWS)}"

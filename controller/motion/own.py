@@ -10,15 +10,22 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from controller.motion.law import NO_TRIM, Demand, Law, Trim, View
-from hil.brought import SUFFIX, Brought, class_with, installed, load_file, load_installed, told
+from hil.brought import (
+    LAWS,
+    Brought,
+    class_with,
+    installed,
+    load_file,
+    load_installed,
+    make,
+    settings_of,
+    told,
+)
 from hil.config.controller import ControllerConfig
-from hil.errors import ConfigError, RunError
-
-GROUP = "fpeg_hil.laws"
-"""The entry points by which an installed package offers laws."""
+from hil.errors import RunError
 
 
 class OwnLaw(Law[Any]):
@@ -26,11 +33,21 @@ class OwnLaw(Law[Any]):
 
     parameters: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, config: ControllerConfig, brought: Any, file: str) -> None:  # noqa: ANN401
+    def __init__(self, config: ControllerConfig, kind: Any, brought: Brought) -> None:  # noqa: ANN401
         self.config = config
-        self._law = brought
-        self._file = file
-        self.watches = callable(getattr(brought, "watch", None))
+        self._kind = kind
+        self._brought = brought
+        self._law = make(kind, brought, own_settings(kind, config, brought))
+        self._file = str(brought.path.resolve())
+        self.watches = callable(getattr(self._law, "watch", None))
+
+    def remade(self, config: ControllerConfig) -> OwnLaw:
+        """The same by the settings of another configuration.
+
+        Raises: ConfigError naming a key that it does not accept
+        """
+        same = config.own.settings == self.config.own.settings
+        return self if same else OwnLaw(config, self._kind, self._brought)
 
     def initial(self) -> Any:  # noqa: ANN401
         """The state of a run's beginning; None for a law that remembers nothing."""
@@ -67,6 +84,20 @@ class OwnLaw(Law[Any]):
             ) from None
         return after, NO_TRIM if trim is None else trim
 
+    def signals(self, state: Any) -> tuple[float, ...]:  # noqa: ANN401
+        """What it tells of itself, in the order in which it declares it.
+
+        Raises: RunError naming file and line when the law fails, or tells no such numbers
+        """
+        given = self._asked("tell", state)
+        try:
+            return tuple([float(given[name]) for name in self.config.own.signals])
+        except (TypeError, ValueError, KeyError, IndexError):
+            known = ", ".join(self.config.own.signals)
+            raise RunError(
+                f"{self._file}: tell gave {given!r}; accepted: a number for each of {known}"
+            ) from None
+
     def taken_over(self, view: View) -> Any:  # noqa: ANN401
         """The state with which it goes on from another law."""
         if hasattr(self._law, "taken_over"):
@@ -86,11 +117,6 @@ class OwnLaw(Law[Any]):
             raise RunError(told(error, self._file)) from None
 
 
-def is_own(name: str) -> bool:
-    """Tell whether a name is a file's, or is of an installed package."""
-    return name.endswith(SUFFIX) or name in installed(GROUP)
-
-
 def own_source(config: ControllerConfig) -> tuple[Any, Brought] | None:
     """Return the class that a configuration brings, and where it comes from; None without one.
 
@@ -100,8 +126,8 @@ def own_source(config: ControllerConfig) -> tuple[Any, Brought] | None:
     if own.file:
         brought = load_file(own.file, own.sha256)
         return class_with(brought, ("step",)), brought
-    if config.name in installed(GROUP):
-        return load_installed(GROUP, config.name, own.sha256)
+    if own.sha256 or config.name in installed(LAWS):
+        return load_installed(LAWS, own.name or config.name, own.sha256)
     return None
 
 
@@ -110,23 +136,7 @@ def own_settings(kind: Any, config: ControllerConfig, brought: Brought) -> BaseM
 
     Raises: ConfigError naming the key
     """
-    model, given = getattr(kind, "Settings", None), config.own.settings
-    if model is None:
-        if given:
-            raise ConfigError(
-                f"controller.own.settings: {brought.path} declares no Settings; accepted: nothing"
-            )
-        return None
-    known = ", ".join(model.model_fields)
-    for key in given.keys() - model.model_fields.keys():
-        raise ConfigError(f"controller.own.settings.{key}: unknown; {brought.path} has: {known}")
-    try:
-        found: BaseModel = model.model_validate(given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(("controller.own.settings", *map(str, first["loc"])))
-        raise ConfigError(f"{key} = {first['input']!r}: {first['msg']}") from None
-    return found
+    return settings_of(kind, config.own.settings, "controller.own.settings", brought.path)
 
 
 def make_own(config: ControllerConfig) -> dict[str, OwnLaw]:
@@ -138,9 +148,4 @@ def make_own(config: ControllerConfig) -> dict[str, OwnLaw]:
     if source is None:
         return {}
     kind, brought = source
-    settings = own_settings(kind, config, brought)
-    try:
-        law = kind() if settings is None else kind(settings)
-    except Exception as error:
-        raise ConfigError(told(error, str(brought.path.resolve()))) from None
-    return {config.own.name or config.name: OwnLaw(config, law, str(brought.path.resolve()))}
+    return {config.own.name or config.name: OwnLaw(config, kind, brought)}

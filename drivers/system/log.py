@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import socket
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -24,9 +24,13 @@ from drivers.recorder.inline import InlineRecorder
 from drivers.recorder.room import deferred_ring_bytes, ring_bytes
 from drivers.zenoh.sockets import Side, guard_socket, records_socket
 from hil import compiled
+from hil.brought import ENGINES, LAWS, source_file
 from hil.config.process import LogConfig
 from hil.config.resolved import Resolved
 from hil.errors import HilError
+from hil.log.records import Topic
+from hil.log.topics import ALL
+from hil.names.own import law_topic
 
 _PACKAGES = ("fpeg-hil", "numpy", "mcap", "eclipse-zenoh", "python-can", "pydantic", "uvloop")
 _DBC = compiled.root() / "hil" / "wire" / "fpeg.dbc"
@@ -52,6 +56,7 @@ def open_recorder(
     blocking = scenario.loop.clock == "lockstep"
     return Recorder.open(
         path, {**metadata, **more}, attachments, blocking=blocking,
+        topics=topics_of(scenario, process),
         rotation=rotation_of(scenario.log), ring_bytes=_ring_bytes(scenario),
         deferred=scenario.log.defer, live=_listener(scenario, process) if live else None,
     )  # fmt: skip
@@ -63,7 +68,12 @@ def open_inline(path: Path, scenario: Resolved, process: str) -> InlineRecorder:
     Raises: ConfigError when it cannot be written
     """
     rotation = rotation_of(scenario.log)
-    return InlineRecorder(path, log_config(path, *_head(scenario, process), rotation=rotation))
+    return InlineRecorder(
+        path,
+        log_config(
+            path, *_head(scenario, process), topics_of(scenario, process), rotation=rotation
+        ),
+    )
 
 
 def _head(
@@ -82,10 +92,21 @@ def _head(
     attachments = [("scenario.json", "application/json", scenario.model_dump_json().encode())]
     if _DBC.exists():
         attachments.append(("fpeg.dbc", "text/plain", _DBC.read_bytes()))
-    if scenario.controller.own.file:
-        law = Path(scenario.controller.own.file)
-        attachments.append((law.name, "text/x-python", law.read_bytes()))
+    attachments += [(path.name, "text/x-python", path.read_bytes()) for path in _brought(scenario)]
     return {"run": run, "versions": versions()}, attachments
+
+
+def topics_of(scenario: Resolved, process: str) -> Sequence[Topic]:
+    """Return the topics of a log; what a law of the user's own tells has the names that it says."""
+    signals = scenario.controller.own.signals if process == "controller" else {}
+    return (*ALL, law_topic(signals)) if signals else ALL
+
+
+def _brought(scenario: Resolved) -> list[Path]:
+    """Return the files of the law and the engine that the user has brought: kept to be read."""
+    plant, controller = scenario.plant, scenario.controller
+    sides = ((ENGINES, plant.model, plant.own), (LAWS, controller.name, controller.own))
+    return [source_file(group, name, own.file) for group, name, own in sides if own.sha256]
 
 
 def _listener(scenario: Resolved, process: str) -> socket.socket | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from hil.errors import ConfigError
 from hil.wire.quantities import Number
 
 LIVE: Final[dict[str, Any]] = {"live": True}
@@ -52,19 +53,55 @@ def with_leaves(section: _SectionT, changes: Mapping[str, Any]) -> _SectionT:
     """
     for path, value in changes.items():
         head, _, rest = path.partition(".")
-        inner = with_leaves(getattr(section, head), {rest: value}) if rest else value
+        inner = value
+        if rest:
+            below = getattr(section, head)
+            table = isinstance(below, dict)
+            inner = {**below, rest: value} if table else with_leaves(below, {rest: value})
         section = section.model_copy(update={head: inner})
     return section
 
 
-class OneOf:
-    """Annotates a string that is one of names declared elsewhere, as `Literal` does for its own."""
+def value_of(config: Section, key: str) -> Any:  # noqa: ANN401
+    """Return the value of a key in a section, which may be the whole scenario.
 
-    def __init__(self, names: Iterable[str]) -> None:
+    Raises: ConfigError for a setting that a user's own law or engine does not have
+    """
+    found: Any = config
+    for part in key.split("."):
+        if isinstance(found, dict) and part not in found:
+            raise ConfigError(f"{key}: unknown; accepted here: {', '.join(found) or 'nothing'}")
+        found = found[part] if isinstance(found, dict) else getattr(found, part)
+    return found
+
+
+class OneOf:
+    """Annotates a string that is one of names declared elsewhere, as `Literal` does for its own.
+
+    Parameters: other : tells of a name that is none of them whether it is accepted all the same
+    """
+
+    def __init__(self, names: Iterable[str], other: Callable[[str], bool] | None = None) -> None:
         self.names = tuple(names)
+        self._other = other
 
     def __get_pydantic_core_schema__(
         self, _source: type, _handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """Return what pydantic checks and describes by."""
-        return core_schema.literal_schema(list(self.names))
+        if self._other is None:
+            return core_schema.literal_schema(list(self.names))
+        return core_schema.no_info_after_validator_function(self.checked, core_schema.str_schema())
+
+    def checked(self, name: str) -> str:
+        """Return an accepted name.
+
+        Raises: PydanticCustomError, as that of a `Literal` is
+        """
+        if name in self.names or (self._other is not None and self._other(name)):
+            return name
+        *others, last = map(repr, self.names)
+        expected = f"{', '.join(others)} or {last}"
+        raise PydanticCustomError(
+            "literal_error", "Input should be {expected}", {"expected": expected}
+        )

@@ -5,11 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from hil.config.base import LIVE, OneOf, Section, Tunable
 from hil.config.charge.ignition import IgnitionConfig
 from hil.config.charge.injection import InjectorConfig
+from hil.config.engine.models import (
+    DETAILED_MODELS,
+    KNOWN,
+    MODELS,
+    FmuConfig,
+    OwnEngineConfig,
+    table_of,
+    with_file,
+)
 from hil.config.hardware import IndicatorConfig, WindingConfig
 from hil.config.prototypes import DEFAULT, PROTOTYPES, Figures, Prototype, model_files, read_own
 from hil.config.ranges import (
@@ -22,15 +31,6 @@ from hil.config.ranges import (
 )
 
 PrototypeName = Annotated[str, OneOf(PROTOTYPES)]
-FAST_MODELS = ("closed-form", "harmonic", "rectangular", "nonlinear")
-DETAILED_MODELS = tuple(dict.fromkeys(model for name in PROTOTYPES for model in model_files(name)))
-"""Models of the gas in full: compiled, with a calibration of their own."""
-
-OWN_MODELS = (*FAST_MODELS, *DETAILED_MODELS)
-OwnModel = Annotated[str, OneOf(OWN_MODELS)]
-Model = Annotated[str, OneOf((*OWN_MODELS, "fmu"))]
-
-_FMU = "fmu:"
 
 
 if TYPE_CHECKING:
@@ -158,39 +158,12 @@ class ValvesConfig(Section):
         return _VALVE_ACTUATORS[self.kind][which] if given is None else given
 
 
-class FmuConfig(Section):
-    """A Functional Mock-up Unit as the engine: `model = "fmu"`, or `model = "fmu:FILE"`.
-
-    like: the model of ours whose fuel, set point, load and spark a run with the unit begins with
-    names: the contract's names by the unit's own ones; parameters: start values, in its own units
-    """
-
-    file: str = ""
-    sha256: str = ""
-    like: OwnModel = "harmonic"
-    names: dict[str, str] = Field(default_factory=dict)
-    parameters: dict[str, float] = Field(default_factory=dict)
-
-
-class OwnEngineConfig(Section):
-    """An engine of the user's own, by what differs from the prototype that it is like.
-
-    `prototype = "./my.toml"`. Plant and controller both believe it; `plant.engine` is what only the
-    plant has.
-
-    name: the file's; figures: keys of an engine.toml; models: tables of the models in full
-    """
-
-    name: str = ""
-    figures: dict[str, float | int] = Field(default_factory=dict)
-    models: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
-
-
 class PlantConfig(Section):
     """Which engine, which model of it, and its actuators and sensors."""
 
     prototype: PrototypeName = DEFAULT.name
-    model: Model = "harmonic"
+    own: OwnEngineConfig = OwnEngineConfig()
+    model: Annotated[str, OneOf(MODELS, lambda _name: True)] = "harmonic"
     load_coefficient_n_s_m: LoadCoefficient | None = Field(
         default=None,
         description="of the engine's nominal use, with which the plant brakes in its safe state",
@@ -201,7 +174,6 @@ class PlantConfig(Section):
     )
     fmu: FmuConfig = FmuConfig()
     engine: EngineOverrides = EngineOverrides()
-    own: OwnEngineConfig = OwnEngineConfig()
     sensors: SensorConfig = SensorConfig()
     injector: InjectorConfig = InjectorConfig()
     air: AirConfig = AirConfig()
@@ -231,13 +203,8 @@ class PlantConfig(Section):
     @model_validator(mode="before")
     @classmethod
     def _model_with_file(cls, given: Any) -> Any:  # noqa: ANN401
-        """Read `fmu:FILE` as the model fmu and its file."""
-        model = given.get("model") if isinstance(given, dict) else None
-        if not isinstance(model, str) or not model.startswith(_FMU):
-            return given
-        fmu = given.get("fmu") or {}
-        file = model.removeprefix(_FMU)
-        return given | {"model": "fmu", "fmu": {**fmu, "file": file} if file else fmu}
+        """Read `fmu:FILE` as the model fmu and its file, `./my.py` as the engine of that file."""
+        return with_file(given) if isinstance(given, dict) else given
 
     @model_validator(mode="before")
     @classmethod
@@ -248,12 +215,23 @@ class PlantConfig(Section):
             return given
         like, figures, models = read_own(Path(file))
         own = {"name": Path(file).stem, "figures": figures, "models": models}
-        return given | {"prototype": like, "own": own}
+        return given | {"prototype": like, "own": {**table_of(given.get("own")), **own}}
+
+    @field_validator("model")
+    @classmethod
+    def _model_is_known(cls, model: str, info: ValidationInfo) -> str:
+        """Accept a name that is not ours only where an engine is brought by it."""
+        own = info.data.get("own")
+        if own is None:
+            return model
+        return model if own.file or own.sha256 else KNOWN.checked(model)
 
     @model_validator(mode="after")
     def _unit_has_a_file(self) -> Self:
         if (self.model == "fmu") != bool(self.fmu.file):
             raise ValueError("model = 'fmu:FILE.fmu' needs a file, and fmu.file needs model 'fmu'")
+        if self.own.file and self.model in MODELS:
+            raise ValueError(f"own.file needs its model; model = {self.model!r} is one of ours")
         return self
 
     @model_validator(mode="after")

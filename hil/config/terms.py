@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import get_args
 
+from hil.config.engine.models import OWN_MODELS
 from hil.config.names import ClockName
-from hil.config.plant import OWN_MODELS
 from hil.config.prototypes import PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.wire.terms import VERSION, Terms, frames_text
@@ -15,8 +15,9 @@ from hil.wire.terms import VERSION, Terms, frames_text
 def terms_of(scenario: Resolved) -> Terms:
     """Return what this side holds to."""
     loop, plant = scenario.loop, scenario.plant
-    stated = (plant.believed(), plant.engine, plant.own)
-    figures = "\n".join(section.model_dump_json() for section in stated) + plant.fmu.sha256
+    own = plant.own.model_dump_json(include={"name", "figures", "models"})
+    stated = (plant.believed().model_dump_json(), plant.engine.model_dump_json(), own)
+    figures = "\n".join(stated) + plant.fmu.sha256 + plant.own.sha256
     return (
         VERSION, frames_text(), loop.rate_hz, loop.clock, scenario.link.zenoh.engine,
         plant.prototype, plant.model, scenario.begins, figures,

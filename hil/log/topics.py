@@ -241,6 +241,17 @@ class Winding(Record):
     copper_w: Annotated[float, Field("float64", "heat of the winding in the last tick", "W")]
 
 
+class OfLaw(Record):
+    """What a law of the user's own tells of itself with each demand; its log has its names."""
+
+    tick: Annotated[int, Field("uint32", "number of the tick")]
+    t_ns: Annotated[int, Field("int64", "start of the tick, from the start of the run", "ns")]
+    value: Annotated[
+        tuple[float, float, float, float, float, float, float, float],
+        Field("float64[8]", "of each signal that it declares, in their order"),
+    ]
+
+
 SENSOR: Final[Topic] = Topic("/sensor", 1, Sensor, EVERY_TICK)
 ACTUATOR: Final[Topic] = Topic("/actuator", 2, Actuator, EVERY_TICK)
 STROKE: Final[Topic] = Topic("/stroke", 3, Stroke, EVERY_STROKE, ("controller",))
@@ -261,6 +272,12 @@ ALL: Final[tuple[Topic, ...]] = (
     SENSOR, ACTUATOR, STROKE, TRUTH, TIMING, EVENT, FRAMES_SENT, FRAMES_RECEIVED,
     DEMAND, SNAPSHOT, COMMAND, STIMULUS, VALVE, CYLINDER, WINDING,
 )  # fmt: skip
+
+LAW: Final[Topic] = Topic("/law", 20, OfLaw, EVERY_STROKE, ("controller",))
+"""In the logs of runs whose law is the user's own and declares signals."""
+
+EVERY: Final[tuple[Topic, ...]] = (*ALL, LAW)
+"""What a log may have."""
 
 HOT: Final[tuple[Topic, ...]] = (
     SENSOR, TRUTH, TIMING, ACTUATOR, FRAMES_SENT, FRAMES_RECEIVED, STROKE, DEMAND,

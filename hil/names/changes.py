@@ -12,10 +12,11 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar, final
 
+from hil.config.base import value_of
 from hil.errors import ConfigError
 from hil.log import topics
 from hil.names.leaves import Value as Leaf
-from hil.names.parameters import live, matches, value_of
+from hil.names.parameters import live, matches
 from hil.ports import CommandSource
 from hil.values import NEVER, Value
 from hil.wire import changes as wire
@@ -193,7 +194,8 @@ class Changes(Generic[ParamsT]):
 
     def _values(self, params: ParamsT, request: ChangeRequest) -> dict[str, Leaf]:
         """A page of the values in force, in the order of the keys."""
-        known = live(self._side)
+        own = (f"{self._side}.own.settings.{name}" for name in params.config.own.settings)
+        known = (*live(self._side), *own)
         chosen = sorted(k for k in known if k > request.after and matches(k, request.keys))
         return {key: _value(params, key) for key in chosen[:MOST_VALUES]}
 

@@ -37,6 +37,9 @@ _KINDS: Final = {
 _ENDS: Final = {
     "ge": "ge", "gt": "gt", "le": "le", "lt": "lt", "min_length": "ge", "max_length": "le",
 }  # fmt: skip
+SETTING: Final = "setting"
+"""Kind of what a class of the user's own declares: number, boolean or text."""
+
 NONE: Final = "none"
 """What is given for a parameter to leave it open."""
 
@@ -101,6 +104,8 @@ class Parameter(NamedTuple):
         return float(value) if self.kind == "number" else value  # type: ignore[return-value, arg-type]
 
     def _fits(self, value: object) -> bool:
+        if self.kind == SETTING:
+            return isinstance(value, bool | str) or self._is_finite(value)
         if self.kind == "boolean" or isinstance(value, bool):
             return self.kind == "boolean" and isinstance(value, bool)
         if self.kind in ("number", "whole number"):
@@ -110,6 +115,9 @@ class Parameter(NamedTuple):
             return False
         fits = not self.pattern or re.search(self.pattern, value) is not None
         return fits and (not self.choices or value in self.choices)
+
+    def _is_finite(self, value: object) -> bool:
+        return isinstance(value, int | float) and value - value == 0.0
 
     def _is_within(self, value: float) -> bool:
         low, high = self.low, self.high
@@ -156,14 +164,28 @@ def _leaf(
     told = _told(constraints)
     choices = tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else told.choices
     name = "choice" if choices else _KINDS.get(get_origin(kind) or kind, "text")
-    ending = _ENDING.search(key.rpartition(".")[2])
     is_number = name in ("number", "whole number")
-    unit = _UNITS[ending[1]] if ending else section.unit if is_number else ""
+    unit = unit_of(key.rpartition(".")[2]) or (section.unit if is_number else "")
     default = info.get_default(call_default_factory=True) if not info.is_required() else None
     return Parameter(
         key, name, unit, told.low, told.high, told.outside, choices,
         told.pattern, default, _is_optional(info.annotation), info.is_required(),
         bool(said.get("live", section.live)), " ".join(meaning.split()),
+    )  # fmt: skip
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that a name ends with; empty where it ends with none."""
+    ending = _ENDING.search(name)
+    return _UNITS[ending[1]] if ending else ""
+
+
+def setting(key: str) -> Parameter:
+    """Return what is known of a setting that a user's own class declares; it checks its value."""
+    return Parameter(
+        key, SETTING, unit_of(key.rpartition(".")[2]), None, None, (False, False), (), "", None,
+        optional=False,
+        required=False, live=True, meaning="of one's own",
     )  # fmt: skip
 
 

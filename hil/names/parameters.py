@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
-from hil.config.base import Section
+from hil.config.base import Section, value_of
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.names.leaves import Parameter, leaves
+from hil.names.leaves import Parameter, leaves, setting
 from hil.nearest import did_you_mean
 from hil.wire.quantities import shown
+
+SETTINGS: Final = ("plant.own.settings", "controller.own.settings")
+"""Tables of what a class of the user's declares; a running engine takes changes of them."""
 
 _ConfigT = TypeVar("_ConfigT", bound=Section)
 
@@ -58,10 +61,22 @@ def parameter_of(key: str) -> Parameter:
     Raises: ConfigError when there is no such one, naming those that are like it
     """
     found = parameters().get(key)
+    if found is None and key.rpartition(".")[0] in SETTINGS:
+        return setting(key)
     if found is None:
         hint = did_you_mean(key, parameters())
         raise ConfigError(f"{shown(key)} is no parameter (`hil parameters` lists them){hint}")
     return found
+
+
+def settings(scenario: Scenario) -> list[Parameter]:
+    """Return what a user's own law and engine of a run declare, which change as they run."""
+    kinds = {bool: "boolean", float: "number", str: "text"}
+    return [
+        setting(f"{table}.{name}")._replace(kind=kinds[type(value)])
+        for table in SETTINGS
+        for name, value in value_of(scenario, table).items()
+    ]
 
 
 def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
@@ -75,13 +90,11 @@ def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
         parameter = parameter_of(key)
         if not parameter.live:
             raise ConfigError(f"{key}: acts at the start of a run only (`hil parameters --live`)")
-        section: Any = config
         node = tree
         *path, last = key.split(".")[1:]
         for part in path:
-            section = getattr(section, part)
-            if not isinstance(node[part], dict):
-                node[part] = dict(section.__dict__)
+            below = node[part]
+            node[part] = dict(below if isinstance(below, dict) else below.__dict__)
             node = node[part]
         node[last] = parameter.checked(value)
     try:
@@ -90,11 +103,3 @@ def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         raise ConfigError(f"{where}: {first['msg'].removeprefix('Value error, ')}") from None
-
-
-def value_of(config: Section, key: str) -> Any:  # noqa: ANN401
-    """Return the value of a key in a section, which may be the whole scenario."""
-    found: Any = config
-    for part in key.split("."):
-        found = getattr(found, part)
-    return found

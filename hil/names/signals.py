@@ -49,7 +49,7 @@ class Signal(NamedTuple):
 @cache
 def signals() -> Mapping[str, Signal]:
     """Return all signals by their names, the plant's first."""
-    every = ((side, topic) for side in BOTH_SIDES for topic in topics.ALL if side in topic.sides)
+    every = ((side, topic) for side in BOTH_SIDES for topic in topics.EVERY if side in topic.sides)
     return {signal.name: signal for side, topic in every for signal in _of(side, topic)}
 
 

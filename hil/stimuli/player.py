@@ -7,11 +7,11 @@ replay, or a run that goes on from a snapshot, does the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import reduce
-from typing import Any, Final, NamedTuple, final
+from typing import Final, NamedTuple, final
 
 from mypy_extensions import i64
 
+from hil.config.base import value_of
 from hil.config.scenario import Scenario
 from hil.config.suite.stimulus import Condition, Stimulus
 from hil.stimuli.courses import own_end_s, value_at
@@ -210,12 +210,8 @@ def player_of(scenario: Scenario, side: str) -> Player | None:
     if not own:
         return None
     keys = {given.parameter for given in own.values() if given.parameter}
-    base = {key: float(_leaf(scenario, key)) for key in keys}
+    base = {key: float(value_of(scenario, key)) for key in keys}
     return Player(own, scenario.loop.period_ns, scenario.run.seed, base)
-
-
-def _leaf(section: Any, key: str) -> Any:  # noqa: ANN401
-    return reduce(getattr, key.split("."), section)
 
 
 def _ns(seconds: float) -> int:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Final
 
-from hil.config.plant import DETAILED_MODELS, PlantConfig
+from hil.config.engine.models import DETAILED_MODELS, FAST_MODELS
+from hil.config.plant import PlantConfig
 from plant.engines.protocol import Engine
 
 _FOLDERS: Final[dict[str, str]] = {
+    **dict.fromkeys(FAST_MODELS, "fast"),
     **dict.fromkeys(DETAILED_MODELS, "detailed"),
     "fmu": "fmu",
 }
@@ -19,6 +21,6 @@ def build_engine(config: PlantConfig, period_ns: int) -> Engine:
 
     Raises: ConfigError when it cannot be built so, MissingExtraError
     """
-    module = import_module(f"plant.engines.{_FOLDERS.get(config.model, 'fast')}.model")
+    module = import_module(f"plant.engines.{_FOLDERS.get(config.model, 'own')}.model")
     engine: Engine = module.build(config, period_ns)
     return engine

@@ -8,7 +8,7 @@ from bench.dev import reference
 from bench.dev.golden_cases import CASES, Case, scenario_for
 from bench.dev.reference import Run
 from controller.motion.laws import LAWS
-from hil.config.plant import OWN_MODELS
+from hil.config.engine.models import OWN_MODELS
 from hil.config.process import LinkName
 from hil.config.prototypes import PROTOTYPES
 from hil.wire.commands import BY_KIND

@@ -20,7 +20,7 @@ from bench.run import scenarios
 from bench.run.resolve import resolve
 from controller.motion.laws import LAWS
 from hil import compiled
-from hil.config.plant import OWN_MODELS
+from hil.config.engine.models import OWN_MODELS
 from hil.config.prototypes import PROTOTYPES
 from hil.errors import HilError
 from hil.wire.commands import BY_KIND

@@ -6,7 +6,8 @@ import shutil
 import pytest
 
 from hil import compiled
-from hil.config.plant import FmuConfig, PlantConfig
+from hil.config.engine.models import FmuConfig
+from hil.config.plant import PlantConfig
 from hil.values import replace
 from hil.wire.commands import read_event
 from hil.wire.messages import GENERATOR, MOTOR

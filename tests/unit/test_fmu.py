@@ -24,8 +24,9 @@ from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import read
 from hil import snapshot
+from hil.config.engine.models import FmuConfig
 from hil.config.load import build
-from hil.config.plant import FmuConfig, PlantConfig
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, MissingExtraError, RunError
 from hil.wire.commands import read_event
 from hil.wire.messages import GENERATOR, MOTOR

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from bench.cli import app
 from bench.cli.options import HEADINGS
 from controller.motion.laws import LAWS
-from hil.config.plant import OWN_MODELS
+from hil.config.engine.models import OWN_MODELS
 from hil.config.prototypes import PROTOTYPES
 
 

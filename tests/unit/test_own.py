@@ -5,9 +5,9 @@ import math
 import pytest
 
 import hil.log
-from bench.logs.replay.replay import replay_file
+from bench.logs.replay.replay import OwnFiles, replay_file
 from bench.own.beginning import KINDS, write
-from bench.own.conformance import findings
+from bench.own.conformance import law_findings
 from bench.run import commands
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
@@ -58,7 +58,7 @@ def test_a_law_from_the_template_holds_a_load_step_and_conforms(here):
     course = simulate(scenario(path, ("run.duration_s", 3.0)))
     assert course.mode == "generating"
     assert abs(course.dead_centres[-1].x_m) == pytest.approx(0.0155, abs=1e-4)
-    assert all(finding.met for finding in findings(path))
+    assert all(finding.met for finding in law_findings(path))
 
 
 def test_settings_act_and_are_whole_in_the_configuration(here):
@@ -124,12 +124,12 @@ def test_a_law_that_fails_ends_the_run_with_its_line(here, body, told):
         ("self.n = getattr(self, 'n', 0) + 1; return state, view.point.fuel_kg + self.n * 1e-12",
          "purity: the same answer"),
         ("return [1.0], view.point.fuel_kg", "snapshot"),
-        ("return state, 0.1 * view.point.fuel_kg", "it holds the dead centre"),
+        ("return state, 0.1 * view.point.fuel_kg", "the dead centre is held"),
         ("return state, view.point.fuel_kg / state", "range"),
     ],
 )  # fmt: skip
 def test_what_a_law_does_wrong_is_named(here, body, demand):
-    missed = [finding.demand for finding in findings(law(here, body)) if not finding.met]
+    missed = [finding.demand for finding in law_findings(law(here, body)) if not finding.met]
     assert any(one.startswith(demand) for one in missed), missed
 
 
@@ -138,11 +138,11 @@ def test_its_log_keeps_it_and_is_replayed_by_the_given_file_alone(here):
     log = run(path, here / "out")
     with hil.log.open(log) as opened:
         assert opened.attachments["mine.py"].content == path.read_bytes()
-    assert replay_file(log, None, ALWAYS, path).identical
+    assert replay_file(log, None, ALWAYS, OwnFiles(path)).identical
     with pytest.raises(LogError, match="is of a law of its user's, mine"):
         replay_file(log, None, ALWAYS)
     with pytest.raises(LogError, match="is another file than the one of the run"):
-        replay_file(log, None, ALWAYS, law(here, "return state, 2e-6", "other.py"))
+        replay_file(log, None, ALWAYS, OwnFiles(law(here, "return state, 2e-6", "other.py")))
     assert replay_file(here / "out" / "plant.mcap", None, ALWAYS).identical
 
 
@@ -156,7 +156,7 @@ def test_it_is_tuned_by_the_numbers_of_its_settings(here):
 
 
 def test_an_engine_is_believed_by_both_sides(here):
-    path = write("engine", "my-engine", force=False)
+    path = write("prototype", "my-engine", force=False)
     plant = PlantConfig(prototype=str(path))
     assert (plant.prototype, plant.own.name) == ("nu", "my-engine")
     assert plant.believed().moving_mass_kg == plant.resolved_prototype().moving_mass_kg == 7.5

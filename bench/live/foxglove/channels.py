@@ -28,7 +28,8 @@ class Channels:
         """Have the topics of a process offered."""
         import foxglove
 
-        for topic in (t.name for t in topics.ALL if side in t.sides):
+        offered = (t.name for t in topics.EVERY if side in t.sides and t.name in tap.schemas)
+        for topic in offered:
             key, (name, text) = f"/{side}{topic}", tap.schemas[topic]
             if key not in self._channels:
                 schema = foxglove.Schema(name=name, encoding=_SCHEMA_ENCODING, data=text.encode())

@@ -41,8 +41,10 @@ class Records:
         self._log = log
         self.told: set[str] = set()
         self._known = {name: {f.name for f in info.fields} for name, info in log.topics.items()}
-        self._new = {name: {f.name for f in info.fields} for name, info in _TODAY.items()}
-        self._units = {(t.name, f.name): f.unit for t in _TODAY.values() for f in t.fields}
+        own = {name: info for name, info in log.topics.items() if name == topics.LAW.name}
+        self._today = {**_TODAY, **own}  # a law of the user's own tells what its log says
+        self._new = {name: {f.name for f in info.fields} for name, info in self._today.items()}
+        self._units = {(t.name, f.name): f.unit for t in self._today.values() for f in t.fields}
 
     def then(self, data: bytes) -> list[tuple[str, Values]]:
         """Decode what was recorded, as far as today's records have it too."""
@@ -53,7 +55,7 @@ class Records:
 
     def now(self, data: bytes) -> list[tuple[str, Values]]:
         """Decode what was replayed, as far as the log has it too."""
-        return self._shared(split(_TODAY, data))
+        return self._shared(split(self._today, data))
 
     def unit(self, topic: str, field: str) -> str:
         """Return the unit of a field."""

@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.logs.replay.differences import Records, differences_of
 from bench.logs.replay.loops import LOOPS, Replayed, ReplayedController, ReplayedPlant
@@ -32,11 +32,21 @@ WINDOW_S = 0.15
 """How much about the first difference is kept, to show the strokes around it."""
 
 
-def scenario_of(log: Log, config: Path | None = None, law: Path | None = None) -> Resolved:
-    """Return the configuration of a log: its own, or that of a file.
+class OwnFiles(NamedTuple):
+    """Files of the law and the engine that a run was of, where its user had brought them.
 
-    Parameters: law : file of the law that the run was of, where its user had brought one: what a
-        log names is never loaded by itself
+    They are given, since what a log names is never loaded by itself.
+    """
+
+    law: Path | None = None
+    engine: Path | None = None
+
+
+NONE_GIVEN = OwnFiles()
+
+
+def scenario_of(log: Log, config: Path | None = None, own: OwnFiles = NONE_GIVEN) -> Resolved:
+    """Return the configuration of a log: its own, or that of a file.
 
     Raises: LogError when it has none that this version can read, or is of an older format
     """
@@ -55,22 +65,34 @@ def scenario_of(log: Log, config: Path | None = None, law: Path | None = None) -
         scenario = check_json(Resolved, attached.content, f"{log.path}: scenario.json")
     except ConfigError as error:
         raise LogError(str(error)) from None
-    return with_law(log, scenario, law)
+    return with_own(log, scenario, own)
 
 
-def with_law(log: Log, scenario: Resolved, law: Path | None) -> Resolved:
-    """Put the file that was given into the place of the one that a controller's log names.
+def with_own(log: Log, scenario: Resolved, own: OwnFiles) -> Resolved:
+    """Put the files that were given into the places of those that a log's process has loaded.
 
-    Raises: LogError when none was given and one is needed
+    Raises: LogError when one is needed and was not given
     """
-    controller = scenario.controller
-    if not controller.own.file or log.metadata.get("run", {}).get("process") == "plant":
-        return scenario
-    if law is None:
-        told = f"{controller.name} (SHA-256 {controller.own.sha256})"
-        raise log.error(f"is of a law of its user's, {told}: give its file with --controller")
-    own = controller.own.model_copy(update={"file": str(law)})
-    return scenario.model_copy(update={"controller": controller.model_copy(update={"own": own})})
+    process = log.metadata.get("run", {}).get("process")
+    plant, controller = scenario.plant, scenario.controller
+    changes: dict[str, Any] = {}
+    if controller.own.file and process != "plant":
+        told = f"a law of its user's, {controller.name} (SHA-256 {controller.own.sha256})"
+        file = _given(log, own.law, told, "--controller")
+        section = controller.own.model_copy(update={"file": file})
+        changes["controller"] = controller.model_copy(update={"own": section})
+    if plant.own.file and process != "controller":
+        told = f"an engine of its user's, {plant.model} (SHA-256 {plant.own.sha256})"
+        file = _given(log, own.engine, told, "--model")
+        engine = plant.own.model_copy(update={"file": file})
+        changes["plant"] = plant.model_copy(update={"own": engine})
+    return scenario.model_copy(update=changes)
+
+
+def _given(log: Log, file: Path | None, what: str, option: str) -> str:
+    if file is None:
+        raise log.error(f"is of {what}: give its file with {option}")
+    return str(file)
 
 
 def process_of(log: Log) -> str:
@@ -244,13 +266,13 @@ class _Comparison:
         )  # fmt: skip
 
 
-def replay_file(path: Path, config: Path | None, span: Span, law: Path | None = None) -> Outcome:
-    """Replay a log, whichever topics it has; `law` is the file of a user's own law.
+def replay_file(path: Path, config: Path | None, span: Span, own: OwnFiles = NONE_GIVEN) -> Outcome:
+    """Replay a log, whichever topics it has.
 
     Raises: HilError with exit code 2 when it cannot be used
     """
     with logs.open(path) as log:
-        scenario = scenario_of(log, config, law)
+        scenario = scenario_of(log, config, own)
         try:
             if "/frames/received" not in log.topics:
                 return replay_rig(log, scenario, span)

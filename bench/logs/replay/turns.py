@@ -19,7 +19,7 @@ from hil.log.records import MESSAGE, MESSAGE_HEAD, PAYLOAD_OFFSET
 FOREIGN_EVENTS: Final = ("real-time", "log-", "can-", "starter-")
 """How events begin that the process, its recorder or its bus add between the turns."""
 
-_NAMES: Final = {topic.name: topic.channel_id for topic in topics.ALL}
+_NAMES: Final = {topic.name: topic.channel_id for topic in topics.EVERY}
 _SENSOR, _TRUTH, _TIMING = (t.channel_id for t in (topics.SENSOR, topics.TRUTH, topics.TIMING))
 _RECEIVED, _EVENT = topics.FRAMES_RECEIVED.channel_id, topics.EVENT.channel_id
 _SNAPSHOT, _COMMAND = topics.SNAPSHOT.channel_id, topics.COMMAND.channel_id

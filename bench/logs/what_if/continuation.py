@@ -15,7 +15,14 @@ from typing import Any, NamedTuple
 
 import controller.build
 from bench.logs.replay.loops import ReplayedController, ReplayedPlant
-from bench.logs.replay.replay import make, process_of, scenario_of, with_law
+from bench.logs.replay.replay import (
+    NONE_GIVEN,
+    OwnFiles,
+    make,
+    process_of,
+    scenario_of,
+    with_own,
+)
 from bench.logs.replay.turn import Turn
 from bench.logs.replay.turns import check_layouts, turns
 from bench.logs.what_if.changes import Changed, changed
@@ -47,7 +54,7 @@ class Wish(NamedTuple):
     assignments: tuple[str, ...] = ()
     duration_s: float | None = None
     out: Path | None = None
-    law: Path | None = None
+    own: OwnFiles = NONE_GIVEN
 
 
 class Told(NamedTuple):
@@ -97,7 +104,7 @@ def continue_run(directory: Path, wish: Wish) -> Told:
     if wish.out is not None:
         _claim(wish.out)
     with logs.open(paths[0]) as plant_log, logs.open(paths[1]) as controller_log:
-        scenario = with_law(controller_log, scenario_of(plant_log), wish.law)
+        scenario = with_own(controller_log, scenario_of(plant_log, own=wish.own), wish.own)
         tick = tick_of(wish.start, scenario.loop.rate_hz)
         resumed = resume((plant_log, controller_log), scenario, tick)
         state = resumed.plant.loop.state

@@ -12,13 +12,14 @@ import numpy as np
 from bench.run.checks.signals import source_of
 from controller.live.stimulation import SIGNALS as OF_CONTROLLER
 from hil import log as logs
+from hil.config.base import value_of
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.config.suite.stimulus import MOST_SAMPLES, Condition, Stimulus
 from hil.errors import ConfigError, LogError
 from hil.event_codes import OF_BOTH, OF_THE_CONTROLLER, OF_THE_PLANT
 from hil.files import read_regular
-from hil.names.parameters import parameter_of, value_of
+from hil.names.parameters import parameter_of
 from hil.nearest import listed
 from hil.stimuli.courses import extremes
 from hil.stimuli.records import MOST_PARAMETERS

@@ -9,7 +9,7 @@ from controller.supervision.performance import Steady
 from hil.config.check import check
 from hil.config.controller import ControllerConfig
 from hil.config.detailed import Calibration
-from hil.config.plant import DETAILED_MODELS
+from hil.config.engine.models import DETAILED_MODELS
 from hil.config.prototypes import engine_with
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from hil.config.check import check
+from bench.run.filling.own import Resolve, as_like
 from hil.config.plant import PlantConfig
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
@@ -20,7 +19,7 @@ def is_unit(scenario: Scenario) -> bool:
     return scenario.plant.model == "fmu"
 
 
-def fill(scenario: Scenario, resolve: Callable[[Scenario], Resolved]) -> Resolved:
+def fill(scenario: Scenario, resolve: Resolve) -> Resolved:
     """Return the scenario resolved as with the model that the unit is like, the unit put back.
 
     Raises: ConfigError when the unit cannot be the plant of this run
@@ -36,11 +35,7 @@ def fill(scenario: Scenario, resolve: Callable[[Scenario], Resolved]) -> Resolve
     fmu = plant.fmu.model_copy(
         update={"file": str(archive.path.resolve()), "sha256": archive.sha256}
     )
-    like = plant.model_copy(update={"model": fmu.like, "fmu": PlantConfig().fmu})
-    found = resolve(scenario.model_copy(update={"plant": like}))
-    tree: dict[str, Any] = found.model_dump()
-    tree["plant"] |= {"model": "fmu", "fmu": fmu.model_dump()}
-    return check(Resolved, tree, scenario.name)
+    return as_like(scenario, plant, fmu.like, {"fmu": fmu.model_dump()}, resolve)
 
 
 def _with_origin(scenario: Scenario, archive: Archive) -> PlantConfig:

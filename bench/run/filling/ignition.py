@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.config.plant import FAST_MODELS
+from hil.config.engine.models import FAST_MODELS
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
 from plant.engines.fast import ignition

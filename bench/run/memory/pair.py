@@ -22,7 +22,7 @@ from drivers.system.log import open_inline
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError
 from hil.log.records import MESSAGE_HEAD, PAYLOAD_OFFSET
-from hil.log.topics import ALL
+from hil.log.topics import EVERY
 from hil.ports import Recorder
 from plant.loop import PlantLoop
 
@@ -48,7 +48,7 @@ class Newest(Recorder):
 
     def value(self, source: Source) -> float:
         """Return the newest value of a signal; nan where the last ticks have none."""
-        declared = next(one for one in ALL if one.name == source.topic)
+        declared = next(one for one in EVERY if one.name == source.topic)
         for data in reversed(self._data):
             if (payload := _last_payload(data, declared.channel_id)) is not None:
                 values = declared.layout.unpack(payload)

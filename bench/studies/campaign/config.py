@@ -16,8 +16,8 @@ from controller.motion.choice import check_name
 from hil import compiled
 from hil.config.base import OneOf, Section
 from hil.config.check import check
+from hil.config.engine.models import Model
 from hil.config.load import build, with_override
-from hil.config.plant import Model
 from hil.config.prototypes import DEFAULT, PROTOTYPES
 from hil.config.resolved import Resolved
 from hil.errors import ConfigError

@@ -11,13 +11,16 @@ from bench.judge.response import Response
 from bench.run.offline import Course, Silence, simulate
 from bench.studies.campaign.config import Campaign, Drawn, draw, scenario_of
 from hil.config.resolved import Resolved
-from hil.errors import ConfigError
+from hil.errors import ConfigError, RunError
 from hil.values import NEVER
 
 Row = dict[str, Any]
 
 NOT_BEGUN = "not begun"
 """In place of a mode: the run was refused, as what cannot work is."""
+
+FAILED = "failed"
+"""In place of a mode: an engine that could not be followed, or one's own law or engine failed."""
 
 BEFORE_S = 0.8
 """Strokes of so long before the disturbance give the scatter of the undisturbed engine."""
@@ -37,6 +40,8 @@ def run_one(campaign: Campaign, index: int) -> Row:
         course = simulate(scenario, _silences(drawn, scenario.loop.rate_hz))
     except ConfigError as error:
         return row | _figures(None, math.nan, NOT_BEGUN) | {"note": str(error)}
+    except RunError as error:
+        return row | _figures(None, math.nan, FAILED) | {"note": str(error)}
     return row | measure(campaign, drawn, scenario, course)
 
 

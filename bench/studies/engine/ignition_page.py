@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench.studies.engine.ignition import estimates, operating_points, worth
-from hil.config.plant import FAST_MODELS
+from hil.config.engine.models import FAST_MODELS
 from hil.config.prototypes import PROTOTYPES
 from hil.errors import ConfigError
 

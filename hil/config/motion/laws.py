@@ -130,10 +130,11 @@ class OwnLawConfig(Section):
     """A law of the user's own: `name = "./my_law.py"`, or the name that a package offers.
 
     name: by which it is known; file, sha256: where it is, and of what content
-    settings: what its `Settings` declares
+    settings: what its `Settings` declares; signals: what it tells of itself, meaning by name
     """
 
     name: str = ""
     file: str = ""
     sha256: str = ""
     settings: dict[str, float | bool | str] = Field(default_factory=dict)
+    signals: dict[str, str] = Field(default_factory=dict)

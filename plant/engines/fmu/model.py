@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from importlib import import_module
 from pathlib import Path
 from typing import Final, final
 
-from hil.config.plant import DETAILED_MODELS, PlantConfig
+from hil.config.engine.models import DETAILED_MODELS
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, RunError
 from hil.values import Value
-from plant.engines.fast.constants import constants_of
-from plant.engines.fast.limit_cycle import limit_cycle
 from plant.engines.fmu.archive import open_archive
 from plant.engines.fmu.turning import turning_point
 from plant.engines.fmu.unit import Unit
+from plant.engines.likeness import settled_tdc_m
 from plant.engines.machine import Machine
 from plant.engines.protocol import (
     OF_ITS_OWN,
@@ -100,7 +99,7 @@ class UnitEngine(Engine):
                 f"{self._unit.path}: cannot begin settled: it has no parameters start_x_m and "
                 "start_fuel_kg; accepted: begins = 'at-rest'"
             )
-        x_m = -settled_tdc_m(self._config, charge.fuel_kg, load_n_s_m)
+        x_m = -settled_tdc_m(self._config, self._config.fmu.like, charge.fuel_kg, load_n_s_m)
         first = (0.0, load_n_s_m, *_STILL[2:])
         fuel_kg = charge.efficiency * charge.fuel_kg
         m = self._at(0, self._unit.start(first, x_m, fuel_kg))
@@ -206,17 +205,3 @@ def _told(inputs: Inputs) -> tuple[float, ...]:
     sparks = [float(ns) / _SECOND_NS if ns >= 0 else _NO_SPARK_S for ns in inputs.spark_ns]
     machine = inputs.machine
     return (machine.force_n, machine.load_coefficient_n_s_m, *inputs.fuel_kg, *sparks)
-
-
-def settled_tdc_m(config: PlantConfig, fuel_kg: float, load_n_s_m: float) -> float:
-    """Dead centre of the settled motion, by the model of ours that the unit is like.
-
-    Raises: ConfigError when there is no such motion
-    """
-    like = config.fmu.like
-    if like in DETAILED_MODELS:
-        module = import_module("plant.engines.detailed.settle")
-        calibration = module.calibration_of(config.model_copy(update={"model": like}))
-        return -float(module.settle(calibration, fuel_kg, load_n_s_m).y[0])
-    constants = constants_of(config.resolved_prototype(), like)
-    return limit_cycle(constants, fuel_kg, load_n_s_m).tdc_m

@@ -1,0 +1,1 @@
+"""Which engine moves the piston: its models, units, and what a user brings."""
