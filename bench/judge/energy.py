@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bench.judge.strokes import Floats, Strokes, whole_cycles
 from hil.config.detailed import of_plant
-from hil.config.plant import DETAILED_MODELS
+from hil.config.engine.models import DETAILED_MODELS
 from hil.config.resolved import Resolved
 from hil.config.scenario import Scenario
 from hil.log import Log, Span
