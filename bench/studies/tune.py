@@ -10,7 +10,6 @@ the controller believes. One set of gains for all of them (docs/tuning.md).
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -287,18 +286,3 @@ def _write(
     })  # fmt: skip
     build(tree, str(file.path))
     file.write(to_toml(tree))
-
-
-def main() -> None:
-    """Entry point of `python -m bench.studies.tune`."""
-    parser = argparse.ArgumentParser(prog="python -m bench.studies.tune", description=__doc__)
-    parser.add_argument("law", choices=sorted(TUNABLE))
-    parser.add_argument("--search", action="store_true")
-    parser.add_argument("--generations", type=int, default=20)
-    parser.add_argument("--from", dest="start", help="comma-separated gains to start from")
-    given = parser.parse_args()
-    run(given.law, search=given.search, generations=given.generations, start=given.start, out=None)
-
-
-if __name__ == "__main__":
-    main()

@@ -85,7 +85,7 @@ class CascadeConfig(Tunable):
 
     outer: m/s of velocity reference per m of TDC error
     inner: kg of fuel per m/s of velocity error
-    Found by `python -m bench.studies.tune cascade`; objective and result are in docs/tuning.md.
+    Found by `hil tune cascade --search`; objective and result are in docs/tuning.md.
     """
 
     outer: OuterGains = OuterGains()
