@@ -22,7 +22,7 @@ from plant.engines.protocol import (
     Motion,
     Moved,
 )
-from plant.rig import actuation, charges, indicator, induction, orders, valves
+from plant.rig import actuation, charges, indicator, orders, valves
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
 from plant.rig.events import VALVE_CONTACT, Event
@@ -82,7 +82,7 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
     if motion is None:
         return None
     if p.injector.wall is not None:
-        pulses = induction.taken_in(p, s, motion, float(s.tick * p.period_ns), p.dt_s)
+        pulses = charges.taken_in(p, s, motion, float(s.tick * p.period_ns), p.dt_s)
     if at_edge:
         before = pulses
         pulses = actuation.advance(before, p.injector, float(end_ns))
@@ -106,7 +106,7 @@ def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
         ahead = _ahead(p, s, now_ns, used_s, part)
         it = p.engine.advance(s.motion, _inputs(p, s, ahead), ahead)
         if p.injector.wall is not None:
-            s = s.but(pulses=induction.taken_in(p, s, it.motion, now_ns, (it.t_ns - now_ns) * 1e-9))
+            s = s.but(pulses=charges.taken_in(p, s, it.motion, now_ns, (it.t_ns - now_ns) * 1e-9))
         s = _arrive(p, s, it, held, events)
         now_ns, used_s, part, at_end = it.t_ns, it.used_s, part + 1, it.at_end
     end_ns = (s.tick + 1) * p.period_ns

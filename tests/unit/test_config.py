@@ -88,7 +88,10 @@ def test_defaults_are_those_that_the_documentation_promises():
         ),
         ("[plant.sensors]\nnoise_x_m = nan", "plant.sensors.noise_x_m: "),
         ("[plant.engine]\nbore_m = 5.0", "(given: 5.0); accepted: 0.001 to 1.0"),
-        ("[plant.injector]\nflow = 5.0", "plant.injector.flow: unknown key; accepted here: kind, static"),
+        (
+            "[plant.injector]\nflow = 5.0",
+            "plant.injector.flow: unknown key; accepted here: kind, static",
+        ),
         ("[controller]\ntdc_ref_m = 0.06", "(given: 0.06); accepted: 0.001 to 0.05"),
         ("[controller.cascade.outer]\nkp = 1\nki = 1\nkx = 1", "outer.kx: unknown key; accepted"),
         ("[link.zenoh.tls]\nx = 1", "link.zenoh.tls.root_ca_certificate: Field required (and 3"),
