@@ -88,7 +88,7 @@ def at_dead_centre(
         f"forced, no {cause}"
         if cause
         else _objection(
-            p, fuel_kg, spark_ns, stop, pulses.spark_m[side] * (1.0 if side == RIGHT else -1.0)
+            p, s, fuel_kg, spark_ns, stop, pulses.spark_m[side] * (1.0 if side == RIGHT else -1.0)
         )
     )
     air_kg = trapped_kg(p, s)
@@ -154,7 +154,9 @@ def _lit(
     return s.but(pulses=pulses, lit=NO_CHARGE), charge
 
 
-def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop, spark_m: float) -> str:
+def _objection(
+    p: PlantParams, s: PlantState, fuel_kg: float, spark_ns: i64, stop: Stop, spark_m: float
+) -> str:
     """Tell why a charge does not burn at the dead centre; an empty string when it does."""
     reason = _objection_to_fuel(p, fuel_kg)
     if fuel_kg > 0.0 and not stop.compressed:
@@ -165,6 +167,8 @@ def _objection(p: PlantParams, fuel_kg: float, spark_ns: i64, stop: Stop, spark_
         return "no spark"
     if stop.burnt is not None:
         return "" if stop.burnt else "not burnt by the unit"
+    if spark_ns < s.stroke.start_ns:  # behind the dead centre before: nothing was compressed yet
+        return "late spark"
     early_ns = stop.t_ns - float(spark_ns)
     if early_ns > p.spark_window_ns:
         return f"early spark ({early_ns * 1e-6:.3f} ms before the dead centre)"

@@ -73,8 +73,8 @@ class PlantParams(Value):
         self.rearm = rearm
         self.valves = valves
         self.intake = intake
-        self.instrumented = instrumented
         self.ignition = ignition
+        self.instrumented = instrumented
 
 
 def injector_of(config: InjectorConfig, half_stroke_m: float) -> Injector:

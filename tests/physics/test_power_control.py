@@ -72,7 +72,7 @@ def test_a_run_begins_settled_at_its_target_power(model):
 def test_the_power_is_held_under_another_load(model, scale):
     load = {"kind": "load-scale", "value": scale, "at_s": 0.1}
     strokes, _ = run(
-        1.6, plant__model=model, controller__supervisory__target_power_w=1000.0, events__load=load
+        2.4, plant__model=model, controller__supervisory__target_power_w=1000.0, events__load=load
     )
     assert mean_w(strokes[-10:]) == pytest.approx(1000.0, rel=0.02)
 

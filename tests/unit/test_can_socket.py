@@ -182,7 +182,9 @@ def test_the_kernel_filters_the_peers_frames_and_the_question(kernel):
     rows = list(struct.iter_unpack("=II", raw))
     mask = 0x7FF | 1 << 31 | 1 << 30
     assert rows == [(0x100, mask), (0x101, mask), (0x200 | REMOTE, mask)]
-    assert wanted_by("controller") == Wanted((0x100, 0x101, 0x102, 0x0F0, 0x0F1, 0x200), 0x200)
+    assert wanted_by("controller") == Wanted(
+        (0x100, 0x101, 0x102, 0x103, 0x0F0, 0x0F1, 0x200), 0x200
+    )
     plants = Wanted((0x200, 0x201, 0x202, 0x0F0, 0x0F1, 0x100), 0x100)
     assert wanted_by("plant") == plants
 

@@ -10,12 +10,17 @@ from controller.observe.estimate import Motion
 from controller.observe.plausibility import (
     AGREE_TO_BELIEVE,
     DISAGREES,
+    HOT,
     JUMPS,
+    KNOCKS,
     LEAPS,
     NAMES,
     NONE,
     OVERDUE,
+    OVERSPEED,
+    PEAK,
     POWER,
+    PRESSURELESS,
     STANDS,
     UNBRAKED,
     UNHEARD_OF,
@@ -192,6 +197,7 @@ def test_a_stroke_without_an_end_is_overdue():
 
 
 def test_every_fault_has_a_name():
-    faults = (JUMPS, LEAPS, DISAGREES, STANDS, POWER, OVERDUE, UNBRAKED)
+    sensors = (JUMPS, LEAPS, DISAGREES, STANDS, POWER, OVERDUE, UNBRAKED)
+    faults = (*sensors, PEAK, KNOCKS, OVERSPEED, HOT, PRESSURELESS)
     assert sorted(faults) == list(range(1, len(NAMES)))
     assert len(set(NAMES)) == len(NAMES)

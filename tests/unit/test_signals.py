@@ -27,7 +27,7 @@ def test_signals_follow_each_other_from_the_first_bit_after_the_counter():
 
 def test_signals_under_a_selector_share_one_place():
     shared = [p for p in layout_of(PlantTick).fields if p.signal.only_when is not None]
-    assert len(shared) == 3
+    assert len(shared) == 4
     assert len({placed.start_bit for placed in shared}) == 1
 
 
