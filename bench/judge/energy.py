@@ -32,6 +32,7 @@ _STILL: Final = 1.0e-9
 _STEEPEST: Final = 4.0
 """Beyond this exponent the pressure changes without the volume: then its mean counts."""
 
+_LEAST_GAP_M: Final = 1e-6
 _MOST_BEYOND: Final = 3.0
 
 
@@ -188,7 +189,7 @@ def _work_j(rows: NDArray[Any], c: Cylinder, start_ns: int, end_ns: int) -> floa
     """
     t_ns, x, dc_t_ns, dc_x = rows[:4]
     p = rows[4 if c.pressure == "p_left_pa" else 5]
-    volume = c.area_m2 * (c.length_m + c.sign * x)
+    volume = _volume(c, x)
     n = _exponents(p, volume)
     plain = _polytropic(p[:-1], volume[:-1], p[1:], volume[1:], n)
     turned = np.flatnonzero(np.diff(rows[6]) > 0.0)
@@ -198,10 +199,15 @@ def _work_j(rows: NDArray[Any], c: Cylinder, start_ns: int, end_ns: int) -> floa
     inside[0] = inside[-1] = False
     total = float(plain[inside].sum())
     at = turned + 1
-    v_dc = c.area_m2 * (c.length_m + c.sign * dc_x[at])
+    v_dc = _volume(c, dc_x[at])
     before, after = _half(p, volume, n, turned, v_dc, -1), _half(p, volume, n, turned, v_dc, 1)
     total += float(before[(dc_t_ns[at] > start_ns) & (dc_t_ns[at] <= end_ns)].sum())
     return total + float(after[(dc_t_ns[at] >= start_ns) & (dc_t_ns[at] < end_ns)].sum())
+
+
+def _volume(c: Cylinder, x: Floats) -> Floats:
+    """Volume above the piston, which at a head has still a micrometre [m^3]."""
+    return c.area_m2 * np.maximum(c.length_m + c.sign * x, _LEAST_GAP_M)
 
 
 def _half(
