@@ -17,7 +17,8 @@ from drivers.can.virtual.directory import DIRECTORY_VARIABLE
 
 LINKS: Final = ("zenoh", "memory", "shm", "can")
 PATIENCE_S: Final = 40.0
-_BEGUN_BYTES: Final = 20_000
+_BEGUN_BYTES: Final = 60_000
+"""What a log says of itself is half of that."""
 _ROLES: Final = {
     "plant.main": "plant", "controller.main": "controller", "bench.run.single_process": "loops",
 }  # fmt: skip

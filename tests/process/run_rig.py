@@ -23,7 +23,7 @@ def start(out, *arguments, scenario="steady", duration_s=60.0, **options):
     wait_until(
         lambda: (
             process.poll() is not None
-            or all(log.exists() and log.stat().st_size > 20_000 for log in logs)
+            or all(log.exists() and log.stat().st_size > 60_000 for log in logs)
         ),
         f"{out}: two logs",
     )

@@ -92,6 +92,7 @@ ROWS = {
     "engine table": [Row("")],
     "engine sweep": [Row("--over load"), Row("--over fuel")],
     "engine analyse": [Row("")],
+    "engine ignition": [Row("")],
     "engine precision": [Row("", TIMED)],
     "engine sensitivities": [Row("--model nonlinear")],
     "parameters": [Row("cascade")],
@@ -104,7 +105,7 @@ ROWS = {
 LIVE = {"plant", "controller", "status", "set", "start", "stop", "bus monitor"}
 """Commands that need a running pair: the tests at the end."""
 
-SERVERS = {"get", "panel", "view", "xcp"}
+SERVERS = {"foxglove", "get", "panel", "view", "xcp"}
 """What serves a page or a tool beside a pair, and reads it: tests of their own."""
 
 
