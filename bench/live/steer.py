@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -137,7 +137,7 @@ def change(assignments: Sequence[str], save: Path | None, run: Path | None, forc
     try:
         answers = set_parameters(operator, given) if given else []
         taken = all(answer.taken for answer in answers)
-        _tell(answers, taken=taken)
+        _tell(answers, given, taken=taken)
         if file is not None and taken:
             file.write(toml_of(values_of(operator)))
     finally:
@@ -145,13 +145,26 @@ def change(assignments: Sequence[str], save: Path | None, run: Path | None, forc
     return 0 if taken else 1
 
 
-def _tell(answers: Sequence[CommandAnswer], *, taken: bool) -> None:
+def _tell(answers: Sequence[CommandAnswer], given: Iterable[str], *, taken: bool) -> None:
     """Say what each side has made of it; where one refuses, neither has changed."""
     for answer in answers:
         if not answer.taken:
-            print(f"{answer.process} refused it: {answer.text}", file=sys.stderr, flush=True)
+            why = _unknown(given) or answer.text
+            print(f"{answer.process} refused it: {why}", file=sys.stderr, flush=True)
         elif taken:
             print(f"{answer.process}: {answer.text}; from tick {answer.tick}", flush=True)
+
+
+def _unknown(keys: Iterable[str]) -> str:
+    """Name the first key that is none, and what is like it: a loop has no time to look for that."""
+    from hil.names.parameters import parameter_of  # only a refusal is worth its time
+
+    for key in keys:
+        try:
+            parameter_of(key)
+        except ConfigError as error:
+            return str(error)
+    return ""
 
 
 def toml_of(values: Mapping[str, Scalar | None]) -> str:

@@ -60,12 +60,19 @@ def parameter_of(key: str) -> Parameter:
 
     Raises: ConfigError when there is no such one, naming those that are like it
     """
+    try:
+        return _known(key)
+    except ConfigError as error:
+        raise ConfigError(f"{error}{did_you_mean(key, parameters())}") from None
+
+
+def _known(key: str) -> Parameter:
+    """Return a parameter by its key; to look for those that are like it takes a loop too long."""
     found = parameters().get(key)
     if found is None and key.rpartition(".")[0] in SETTINGS:
         return setting(key)
     if found is None:
-        hint = did_you_mean(key, parameters())
-        raise ConfigError(f"{shown(key)} is no parameter (`hil parameters` lists them){hint}")
+        raise ConfigError(f"{shown(key)} is no parameter (`hil parameters` lists them)")
     return found
 
 
@@ -79,6 +86,12 @@ def settings(scenario: Scenario) -> list[Parameter]:
     ]
 
 
+def rehearse(config: Section) -> None:
+    """Change nothing, so that a loop's first change takes no longer than any other."""
+    parameters()
+    apply(config, {})
+
+
 def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
     """Return the configuration of a side with other values, checked whole.
 
@@ -87,7 +100,7 @@ def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
     """
     tree: dict[str, Any] = dict(config.__dict__)
     for key, value in changes.items():
-        parameter = parameter_of(key)
+        parameter = _known(key)
         if not parameter.live:
             raise ConfigError(f"{key}: acts at the start of a run only (`hil parameters --live`)")
         node = tree

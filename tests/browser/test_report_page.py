@@ -50,6 +50,7 @@ def test_every_plot_is_drawn(report):
 
 def test_a_drag_zooms_all_plots_of_the_run_and_a_double_click_shows_it_whole(report):
     over = report.locator("figure[data-plot='1'] .u-over")
+    over.scroll_into_view_if_needed()
     box = over.bounding_box()
     whole = report.evaluate(RANGES)
     y = box["y"] + 50
@@ -72,6 +73,7 @@ def test_a_button_goes_to_the_event(report):
 
 def test_hovering_tells_the_value_of_every_linked_plot(report):
     over = report.locator("figure[data-plot='1'] .u-over")
+    over.scroll_into_view_if_needed()
     box = over.bounding_box()
     report.mouse.move(box["x"] + 0.276 * box["width"], box["y"] + 40)
     told = report.locator("figure[data-plot='1'] figcaption button", has_text="right")
@@ -82,6 +84,7 @@ def test_hovering_tells_the_value_of_every_linked_plot(report):
 
 def test_two_clicks_measure_between_cursors(report):
     over = report.locator("figure[data-plot='1'] .u-over")
+    over.scroll_into_view_if_needed()
     width = over.bounding_box()["width"]
     over.click(position={"x": 0.2 * width, "y": 60})
     over.click(position={"x": 0.6 * width, "y": 60})

@@ -89,7 +89,7 @@ def config(tmp_path: Path) -> Path:
         f"""
 begins = "at-rest"
 [loop]
-rate_hz = 200
+rate_hz = 250
 peer_timeout_s = 30
 [link.zenoh]
 plant_endpoint = "unixsock-stream/{tmp_path}/p.sock"
