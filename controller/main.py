@@ -28,13 +28,12 @@ from drivers.system.process import (
     note_granted,
     noting,
     read_arguments,
+    rehearse,
 )
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import Service
-from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.terms import terms_of
-from hil.names.parameters import rehearse
 from hil.ports import Link, Recorder
 from hil.values import NEVER
 
@@ -62,9 +61,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         loop = make_loop(scenario, connection, noting(recorder, connection.link), pacer)
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
-        # What works out how when it is first asked takes milliseconds, which no tick has.
-        snapshot.dumps(loop.remember())
-        rehearse(loop.params.config)
+        rehearse(loop.remember(), loop.params.config)
         if service is None:
             stop.wait_for_peer(connection.link, scenario.loop.peer_timeout_s)
         else:

@@ -17,13 +17,12 @@ from drivers.system.process import (
     note_granted,
     noting,
     read_arguments,
+    rehearse,
 )
 from drivers.system.realtime import pin, prepare
 from drivers.system.service import Heart, Service
-from hil import snapshot
 from hil.config.resolved import Resolved
 from hil.config.terms import terms_of
-from hil.names.parameters import rehearse
 from hil.ports import Recorder
 from hil.values import NEVER
 from plant.build import make_loop, make_pacer
@@ -49,9 +48,7 @@ def run(scenario: Resolved, log: Path | None, service: Service | None = None) ->
         loop = make_loop(scenario, connection, reporting, make_pacer(scenario, clock))
         granted |= pin(scenario.realtime)
         note_granted(recorder, scenario, granted)
-        # What works out how when it is first asked takes milliseconds, which no tick has.
-        snapshot.dumps(loop.remember())
-        rehearse(loop.params.config)
+        rehearse(loop.remember(), loop.params.config)
         wait_for_controller(scenario, connection, stop, service)
         heart = Heart() if service is None else service.heart
         ticks = scenario.ticks if service is None else NEVER

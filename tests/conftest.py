@@ -2,7 +2,14 @@
 
 import os
 
+import hypothesis
 import pytest
+
+# How fast examples come is a matter of the machine, and of what else it does.
+hypothesis.settings.register_profile(
+    "any-machine", suppress_health_check=[hypothesis.HealthCheck.too_slow], deadline=None
+)
+hypothesis.settings.load_profile("any-machine")
 
 COMPILED = os.environ.get("HIL_TEST_COMPILED")
 os.environ["HIL_COMPILED"] = COMPILED or "off"

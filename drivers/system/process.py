@@ -16,12 +16,16 @@ from typing import Any, Final, NamedTuple, TextIO
 
 from drivers.recorder.client import NullRecorder, Recorder
 from drivers.system import starter
+from hil import snapshot
+from hil.config.base import Section
 from hil.config.resolved import Resolved, read_resolved
 from hil.errors import HilError, InterruptedRunError, RunError
 from hil.log import topics
 from hil.log.records import MESSAGE_HEAD
+from hil.names.parameters import apply, parameters
 from hil.ports import Link
 from hil.ports import Recorder as PortRecorder
+from hil.values import Value
 
 _BRAKING_S: Final = 0.5
 
@@ -43,6 +47,16 @@ def read_arguments(program: str, argv: list[str] | None = None) -> Arguments:
     parser.add_argument("--log", type=Path, help="MCAP file to write")
     given = parser.parse_args(argv)
     return Arguments(read_resolved(given.config), given.log)
+
+
+def rehearse(memory: Value, config: Section) -> None:
+    """Do once what works out how when it is first asked: a snapshot, a change of no key.
+
+    That takes milliseconds, which no tick has.
+    """
+    snapshot.dumps(memory)
+    parameters()
+    apply(config, {})
 
 
 def note_granted(

@@ -86,12 +86,6 @@ def settings(scenario: Scenario) -> list[Parameter]:
     ]
 
 
-def rehearse(config: Section) -> None:
-    """Change nothing, so that a loop's first change takes no longer than any other."""
-    parameters()
-    apply(config, {})
-
-
 def apply(config: _ConfigT, changes: Mapping[str, object]) -> _ConfigT:
     """Return the configuration of a side with other values, checked whole.
 

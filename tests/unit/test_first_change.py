@@ -10,10 +10,12 @@ import sys
 from hil.config.base import Section
 from hil.config.scenario import Scenario
 from hil.errors import ConfigError
-from hil.names.parameters import apply, rehearse
+from hil.names.parameters import apply
+from drivers.system.process import rehearse
+from hil.values import Value
 
 side, key, value = sys.argv[1:]
-rehearse(getattr(Scenario.model_validate({"name": "one"}), side))
+rehearse(Value(), getattr(Scenario.model_validate({"name": "one"}), side))
 config = getattr(Scenario.model_validate({"name": "one"}), side)
 
 
