@@ -57,7 +57,11 @@ const Panel = (() => {
       if (!n) continue;
       const key = names.join(" ");
       let track = tracks.get(key);
-      if (!track) tracks.set(key, track = new Track(names));
+      if (!track) {
+        /* Samples under way when other signals were chosen have made a track that nothing follows. */
+        for (const [old, t] of tracks) if (t.members.some(name => names.includes(name))) tracks.delete(old);
+        tracks.set(key, track = new Track(names));
+      }
       if (head.k === "window") track.replace(columns, n);
       else { look(names, columns, n); track.append(columns, n); }
       state.now = Math.max(state.now, columns[0][n - 1]);

@@ -107,6 +107,19 @@ def test_a_set_point_moves_the_dead_centres_and_is_undone(panel):
     panel.wait_for_function(reached % 0.0155)
 
 
+def test_samples_of_an_earlier_choice_hide_no_later_ones(panel):
+    name = "controller.stroke.tdc_m"
+    panel.evaluate(f"Panel.send({{ do: 'show', signals: ['{name}'] }})")
+    panel.wait_for_function(f"Panel.tracks.has('{name}')")
+    panel.evaluate(
+        f"for (const k of [...Panel.tracks.keys()]) k === '{name}' || Panel.tracks.delete(k)"
+    )
+    panel.evaluate(
+        f"Panel.send({{ do: 'show', signals: ['{name}', 'controller.stroke.fuel_kg'] }})"
+    )
+    panel.wait_for_function(f"Panel.trackOf('{name}').members.length === 2", timeout=20_000)
+
+
 def test_pause_holds_and_the_last_minute_comes_at_full_rate(panel):
     panel.click("#pause")
     held = panel.evaluate("Panel.group.range[1]")
