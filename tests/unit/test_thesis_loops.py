@@ -104,6 +104,7 @@ def test_cylinders_that_differ_are_learnt(law, model, share):
     assert statistics.pstdev(late) < 0.085
 
 
+@pytest.mark.interpreted("what a method is given is listened to")
 @pytest.mark.parametrize("law", LOOPS)
 def test_a_load_step_teaches_nothing_of_the_cylinders(law, monkeypatch):
     taught = []
