@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from bench.logs.diff import Comparison
 from bench.logs.diff_topic import MESSAGE, TopicGap
 from bench.report.quantities import thousands
+from bench.report.text_table import text_table
 
-_KEYS_SHOWN = 12
+_KEYS_SHOWN, _WIDTH = 12, 67
+_HEADS = ("topic", "both", "differ", "only A", "only B", "from tick")
 
 
 def show(console: Console, a: Path, b: Path, found: Comparison) -> None:
@@ -37,7 +38,7 @@ def show(console: Console, a: Path, b: Path, found: Comparison) -> None:
     console.print(f"  {_reason(found)}")
     for key, left, right in found.configuration[:_KEYS_SHOWN]:
         console.print(f"  configuration: {key}: A {left}, B {right}")
-    console.print(_table(found.topics))
+    console.print(_table(found.topics), markup=False, soft_wrap=True)
 
 
 def _reason(found: Comparison) -> str:
@@ -52,25 +53,33 @@ def _reason(found: Comparison) -> str:
     return f"up to there the {found.process} was told the same: the cause lies in it"
 
 
-def _table(gaps: tuple[TopicGap, ...]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
-    for title in ("topic", "both", "differ", "only A", "only B", "from tick", "largest difference"):
-        is_text = title in {"topic", "largest difference"}
-        table.add_column(title, justify="left" if is_text else "right")
-    for gap in gaps:
-        if not (gap.common or gap.only_a or gap.only_b):
-            continue
-        first = "" if gap.first is None else str(gap.first.tick)
-        table.add_row(
-            gap.topic, thousands(gap.common), thousands(gap.different), thousands(gap.only_a),
-            thousands(gap.only_b), first, _largest(gap),
-        )  # fmt: skip
-    return table
+def _table(gaps: tuple[TopicGap, ...]) -> str:
+    """A row a topic, under it how far its fields are apart at most: 80 columns hold both."""
+    shown = [gap for gap in gaps if gap.common or gap.only_a or gap.only_b]
+    head, *rows = text_table([_HEADS, *map(_row, shown)]).split("\n")
+    lines = [head]
+    for gap, line in zip(shown, rows, strict=True):
+        lines += [line, *([f"  at most {_largest(gap)}"] if gap.fields else [])]
+    return "\n".join(f"  {line}" for line in lines)
+
+
+def _row(gap: TopicGap) -> tuple[str, ...]:
+    first = "" if gap.first is None else str(gap.first.tick)
+    counts = (gap.common, gap.different, gap.only_a, gap.only_b)
+    return gap.topic, *map(thousands, counts), first
 
 
 def _largest(gap: TopicGap) -> str:
-    shown = sorted(gap.fields.items(), key=lambda item: -item[1].rows)[:4]
-    return ", ".join(f"{name} {field.largest:.3g}" for name, field in shown)
+    """The fields that differ most often, as many as one line holds, and how many more there are."""
+    ordered = sorted(gap.fields.items(), key=lambda item: -item[1].rows)
+    words = [f"{name} {field.largest:.3g}" for name, field in ordered]
+    count = max(n for n in range(1, len(words) + 1) if n == 1 or len(_joined(words, n)) <= _WIDTH)
+    return _joined(words, count)
+
+
+def _joined(words: list[str], count: int) -> str:
+    more = f" and {len(words) - count} more" if count < len(words) else ""
+    return ", ".join(words[:count]) + more
 
 
 def _shown(value: object) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.measure import cyclictest
+from bench.progress import counted, progress
 from bench.run import directory, scenarios
 from bench.run.resolve import resolve
 from hil.config.resolved import Resolved
@@ -60,9 +61,9 @@ def run(plan: Plan, out: Path | None, *, force: bool = False) -> int:
     if not cyclictest.installed():
         console.print(f"cyclictest is not installed, so no comparison: {cyclictest.HINT}")
     found = Found({}, {}, {})
-    for number in range(plan.rounds):
-        console.print(f"round {number + 1} of {plan.rounds}", end="\r")
-        measure_round(plan, found)
+    with progress("latency", plan.rounds, "rounds") as advance:
+        for _ in counted(range(plan.rounds), advance):
+            measure_round(plan, found)
     told = summarise(plan, found)
     _print(console, told)
     if files:

@@ -20,6 +20,7 @@ from bench.live.beside import beside
 from bench.report.quantities import size_of
 from bench.run import conclusion, scenarios
 from bench.run import directory as outdir
+from bench.run.checks.times import beyond_the_end
 from bench.run.directory import RunFiles
 from bench.run.execution import execute, resolved, write_scenario
 from bench.run.progress import view_for
@@ -86,6 +87,8 @@ def run(name: str, changes: list[tuple[str, Any]], options: RunOptions) -> int:
     console = Console(highlight=False)
     with resolved(scenarios.read(name, changes)) as scenario:
         files = outdir.prepare(scenario.name, options.out, force=options.force)
+        for late in beyond_the_end(scenario):
+            streams.say(f"{name}: {late}: left out")
         streams.outlive()
         with _servers_of(scenario, files, options):
             with told_of(files), view_for(scenario, console) as view:

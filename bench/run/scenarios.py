@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bench.run.checks.times import beyond_the_end
 from hil import compiled
 from hil.config.load import only, overridden
 from hil.config.scenario import Scenario
@@ -16,6 +17,9 @@ from hil.nearest import did_you_mean, listed
 from hil.toml import Tree
 
 _LONGEST_NAME, _MOST_SHOWN = 64, 12
+_OF_CAN = {"link.bus", "link.bitrate_bit_s"}
+"""Keys that only a CAN link takes notice of."""
+
 PACKAGED = compiled.root() / "bench" / "scenarios"
 
 
@@ -69,9 +73,28 @@ class Found(NamedTuple):
         Raises: ConfigError naming file, key and what is accepted
         """
         scenario = overridden(self.case, self.origin, overrides)
+        _check_changes(scenario, self.label, {key for key, _ in overrides})
         if not self.case.name:
             return scenario
         return scenario.model_copy(update={"name": _run_name(scenario.name, self.case.name)})
+
+
+def _check_changes(scenario: Scenario, label: str, changed: set[str]) -> None:
+    """Refuse what would have no effect: a bus without its link, what comes after the end.
+
+    A run that is made shorter than its file has it does without what came later.
+
+    Raises: ConfigError naming the key
+    """
+    without_use = sorted(changed & _OF_CAN) if scenario.link.kind != "can" else []
+    if without_use:
+        raise ConfigError(
+            f"{label}: {without_use[0]}: the link is {scenario.link.kind}; accepted with"
+            " link.kind = 'can' (--link can)"
+        )
+    late = beyond_the_end(scenario)
+    if late and "run.duration_s" not in changed:
+        raise ConfigError(f"{label}: {late[0]}; accepted is what comes before that")
 
 
 def tree_of(name: str) -> Tree:

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bench.progress import Advance, counted, unseen
 from bench.run.offline import Course, simulate
 from controller.motion.laws import LAWS
 from hil.config.check import check
@@ -106,10 +107,10 @@ def _needed(scenario: Resolved) -> bool:
     return any(LAWS[law].needs_map for law in (scenario.controller.name, *asked) if law)
 
 
-def identify(scenario: Resolved) -> SensitivitiesConfig:
+def identify(scenario: Resolved, advance: Advance = unseen) -> SensitivitiesConfig:
     """Disturb the settled engine of a scenario, and read off how its strokes answer.
 
-    Raises: ConfigError when it does not keep running
+    `advance` is told of each of `FRACTIONS`. Raises: ConfigError when it does not keep running
     """
     import numpy as np
 
@@ -117,7 +118,7 @@ def identify(scenario: Resolved) -> SensitivitiesConfig:
     load, fuel_kg = config.supervisory.load_coefficient_n_s_m, config.preset.fuel_kg
     base = _strokes(scenario, _LONG, {})[1]
     loads, fuels = _pair(scenario, _LONG, _load), _pair(scenario, _LONG, _fuel)
-    late = [_pair(scenario, _SHORT, _load, fraction) for fraction in FRACTIONS]
+    late = [_pair(scenario, _SHORT, _load, part) for part in counted(FRACTIONS, advance)]
     mass_kg = scenario.plant.resolved_prototype().moving_mass_kg
     at_mid = np.zeros(1)
     v_mid = np.sqrt(2.0 * base.energy_at(at_mid))

@@ -34,8 +34,8 @@ def run(
     changes = [parse_assignment(text) for text in assignments]
     if model is not None:
         changes.append(("plant.model", model))
-    laws = laws_of(controllers)
-    directory = out or outdir.fresh(f"compare-{scenarios.read(name, changes).name}")
+    laws, scenario = laws_of(controllers), scenarios.read(name, changes)
+    directory = out or outdir.fresh(f"compare-{scenario.name}")
     page, listed = outdir.claim("--out", directory, FILES, force=force)
     with progress("compare", count_of(laws), "runs") as advance:
         found = compare(name, laws, changes, advance)
@@ -74,6 +74,7 @@ def run_survey(wanted: Survey) -> int:
         known = ", ".join(dict.fromkeys(engine.model for engine in survey.ENGINES))
         raise ConfigError(f"--model {model}: a comparison of all engines has {known}")
     changes: list[tuple[str, Any]] = [parse_assignment(text) for text in assignments]
+    survey.check_changes(engines, changes)
     file = None if json is None else Output("--json", json, force)
     if file is not None:
         file.check(".json")

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import controller.build
 import controller.step
 import plant.build
+from bench.progress import Advance, counted, progress, unseen
 from bench.run import scenarios
 from bench.run.offline import command_of
 from bench.run.resolve import resolve
@@ -207,14 +208,18 @@ def _onward(
         load = round(load * factor, 3)
 
 
-def made(scenario: Resolved, tdcs_m: Sequence[float]) -> dict[str, Any]:
+def made(
+    scenario: Resolved, tdcs_m: Sequence[float], advance: Advance = unseen
+) -> dict[str, Any]:  # fmt: skip
     """The map of a scenario's engine, as the configuration keeps it.
+
+    Parameters: advance : is told of each dead centre
 
     Raises: ConfigError when the engine does not run at one of the dead centres
     """
     stand = Stand(scenario)
     begun = stand.begin()
-    rows = [row(stand, begun, tdc_m) for tdc_m in sorted(tdcs_m)]
+    rows = [row(stand, begun, tdc_m) for tdc_m in counted(sorted(tdcs_m), advance)]
     plant_ = scenario.plant
     table: dict[str, Any] = {
         "tdc_m": sorted(tdcs_m),
@@ -246,7 +251,9 @@ def run(
     for key, value in (*changes, ("link.kind", "memory"), ("loop.clock", "lockstep")):
         tree = with_override(tree, key, value)
     scenario = resolve(build(tree, name))
-    found = made(scenario, _tdcs(tdcs_mm, scenario))
+    tdcs_m = _tdcs(tdcs_mm, scenario)
+    with progress("map", len(tdcs_m), "dead centres") as advance:
+        found = made(scenario, tdcs_m, advance)
     print(shown(found))
     if file is not None:
         tree = read_toml(scenarios.find(name))

@@ -105,6 +105,15 @@ def tasks(
     ]  # fmt: skip
 
 
+def check_changes(engines: Iterable[EngineModel], changes: Sequence[tuple[str, Any]]) -> None:
+    """Refuse changes that no row could be run with, before any is.
+
+    Raises: ConfigError naming the key
+    """
+    for engine in engines:
+        build(_tree(Task("cascade", engine, NOMINAL_HZ, QUICK, tuple(changes))), f"{engine} --set")
+
+
 def survey(
     todo: Sequence[Task], workers: int, advance: Callable[[Row], None] = lambda _: None
 ) -> list[Row]:

@@ -16,6 +16,7 @@ from rich.console import Console
 from bench.judge.checks import Check, judge
 from bench.judge.figures import RunData, read_run
 from bench.judge.window import window_of
+from bench.progress import counted, progress
 from bench.run.directory import RunFiles
 from bench.run.memory.execution import execute_here
 from bench.run.resolve import resolve
@@ -66,11 +67,13 @@ def prove(scenario: Scenario) -> list[Proof]:
         raise NotMetError(f"{scenario.name}: not met without any fault: {'; '.join(failed)}")
     open_ = {_name(one): Proof(_name(one), "", one.text) for one in checks}
     proofs = dict(open_)
-    for mutant in mutants(whole, _instants_s(data)):
-        if not open_:
-            break
-        for name in _broken(mutant.tree, whole.name) & open_.keys():
-            proofs[name] = open_.pop(name)._replace(broken_by=mutant.name)
+    tried = list(mutants(whole, _instants_s(data)))
+    with progress(f"prove {whole.name}", len(tried), "faults") as advance:
+        for mutant in counted(tried, advance):
+            if not open_:
+                break
+            for name in _broken(mutant.tree, whole.name) & open_.keys():
+                proofs[name] = open_.pop(name)._replace(broken_by=mutant.name)
     return list(proofs.values())
 
 

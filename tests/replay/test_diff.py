@@ -33,6 +33,14 @@ def test_two_runs_of_one_scenario_are_the_same(run_directory, tmp_path):
         assert compared(run_directory / f"{process}.mcap", again / f"{process}.mcap").same
 
 
+def test_what_is_said_of_each_topic_fits_80_columns(run_directory, other, capsys):
+    diff_command(run_directory / "controller.mcap", other / "controller.mcap", timing=False)
+    table = capsys.readouterr().out.partition("  topic ")[2].splitlines()
+    assert any(line.strip().startswith("at most ") for line in table)
+    assert any("/frames/received" in line for line in table)
+    assert all(len(line) <= 80 for line in table)
+
+
 def test_the_cause_is_placed_on_its_side_of_the_wire(run_directory, other):
     controllers = compared(run_directory / "controller.mcap", other / "controller.mcap")
     plants = compared(run_directory / "plant.mcap", other / "plant.mcap")

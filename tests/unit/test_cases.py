@@ -2,6 +2,7 @@
 
 import pytest
 
+from bench.run.checks.times import beyond_the_end
 from bench.run.scenarios import read, read_cases
 from hil.errors import ConfigError
 
@@ -14,9 +15,9 @@ def write(directory, text, name="mine.toml"):
 
 def test_a_file_has_what_it_includes_and_its_own_keys_count_last(tmp_path):
     write(tmp_path, "[run]\nseed = 7\nduration_s = 1.0\n", "common.toml")
-    mine = write(tmp_path, 'include = ["load-decrease", "common.toml"]\n[run]\nduration_s = 0.5\n')
+    mine = write(tmp_path, 'include = ["load-decrease", "common.toml"]\n[run]\nduration_s = 1.5\n')
     scenario = read(mine)
-    assert (scenario.run.seed, scenario.run.duration_s) == (7, 0.5)
+    assert (scenario.run.seed, scenario.run.duration_s) == (7, 1.5)
     assert scenario.events["load"].number("value") == 0.85
     assert scenario.name == "load-decrease"
 
@@ -96,3 +97,9 @@ def test_what_makes_no_scenario_is_refused_by_its_key(tmp_path, text, told):
     mine = write(tmp_path, text)
     with pytest.raises(ConfigError, match=told):
         [one.scenario() for one in read_cases(mine)]
+
+
+def test_a_run_made_shorter_by_an_override_does_without_what_comes_later():
+    scenario = read("load-decrease", [("run.duration_s", 0.5)])
+    told = beyond_the_end(scenario)
+    assert told == ["events.load.at_s: at 1.1 s of a run that ends at run.duration_s = 0.5"]

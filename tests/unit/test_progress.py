@@ -8,6 +8,9 @@ from rich.console import Console
 from bench import progress as module
 from bench.progress import counted, progress, steps
 from bench.report.text_table import text_table
+from bench.run.resolve import resolve
+from bench.run.scenarios import read
+from bench.run.sensitivities import FRACTIONS, identify
 
 
 @pytest.fixture
@@ -49,3 +52,9 @@ def test_steps_are_lines(plain):
 def test_no_figure_of_a_table_is_broken():
     rows = [("law", "-15 % a"), ("cascade", "1.884 / 156")]
     assert text_table(rows) == "law          -15 % a\ncascade  1.884 / 156"
+
+
+def test_every_place_of_a_stroke_that_finds_sensitivities_is_told():
+    told = []
+    identify(resolve(read("steady")), told.append)
+    assert sum(told) == len(FRACTIONS)

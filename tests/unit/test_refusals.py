@@ -32,6 +32,9 @@ VALUES = (
     "run steady --set @missing", "run steady --out empty", "run steady --out /dev/null",
     "run steady --log-segment ...s", "run steady --log-segment nans", "run steady --log-retain -1",
     "run steady --panel -3", "run steady --junit dir", "run steady --can-log x.txt",
+    "run blank.toml", "run steady --bus zenoh:can0", "run steady --link shm --bus zenoh:can0",
+    "run load-decrease --set events.load.at_s=2.5", "run late-expectation.toml",
+    "run late-ramp.toml", "compare --quick --set x=1", "compare --set x=1 --out new",
     "run steady --link can", "run steady --link can --bus foo", "run steady::x", "run ::",
     "run load-decrease --set events.load.at_s=-1", "run load-decrease --set events.load.value=nan",
     "compare steady", "compare --controllers ,", "compare --controllers cascade,foo",
@@ -50,6 +53,20 @@ VALUES = (
 )  # fmt: skip
 
 
+SCENARIOS = {
+    "blank.toml": "# nothing\n",
+    "late-expectation.toml": 'expect.a = {signal = "plant.truth.x_m", max = 1.0, from_s = 2.0}',
+    "late-ramp.toml": """
+[events.more]
+kind = "ramp"
+parameter = "plant.disturbance.load_scale"
+value = 1.1
+over_s = 1.0
+at_s = 5.0
+""",
+}
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """A directory with what is no run, no log and no scenario; the working directory meanwhile."""
@@ -58,6 +75,8 @@ def place(tmp_path_factory):
     (place / "empty").touch()
     for name in ("junk.mcap", "junk.toml"):
         (place / name).write_bytes(b"\x89junk" * 50)
+    for name, text in SCENARIOS.items():
+        (place / name).write_text(text, encoding="utf-8")
     with (place / "foreign.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start()
@@ -98,6 +117,26 @@ def test_a_file_that_is_none_of_ours_is_refused_in_one_line(place, words):
 def test_a_value_that_is_none_is_refused_in_one_line(place):
     for words in VALUES:
         _assert_refused(words.format(log="foreign.mcap").split())
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("run blank.toml", "blank.toml: empty; accepted"),
+        ("run steady --bus zenoh:can0", "link.bus: the link is zenoh; accepted with"),
+        ("run late-expectation.toml", "expect.a.from_s: at 2 s of a run that ends at"),
+        ("run late-ramp.toml", "events.more.at_s: at 5 s of a run that ends at"),
+        ("compare --quick --set x=1", "nu harmonic --set: x: unknown key"),
+    ],
+)
+def test_what_would_have_no_effect_is_refused_by_its_name(place, words, named):
+    code, line = _refusal(words.split())
+    assert (code, named in line) == (2, True), line
+
+
+def test_a_comparison_that_is_refused_leaves_nothing_behind(place):
+    _refusal(["compare", "--set", "x=1", "--out", "new"])
+    assert not (place / "new").exists()
 
 
 def test_a_run_is_named_by_its_directory_or_a_file_in_it(place):

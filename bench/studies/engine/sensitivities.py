@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from bench.progress import progress
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
-from bench.run.sensitivities import identify
+from bench.run.sensitivities import FRACTIONS, identify
 from bench.studies.campaign.table import to_toml
 from hil.config.load import build, with_override
 from hil.config.motion.stroke_map import Effects, SensitivitiesConfig
@@ -26,7 +27,9 @@ def run(model: str, assignments: list[str], out: Path | None, *, force: bool) ->
     tree: dict[str, Any] = read_toml(find("steady"))
     for key, value in [("plant.model", model), *assignments_of(assignments)]:
         tree = with_override(tree, key, value)
-    found = identify(resolve(build(tree, f"engine sensitivities of {model}")))
+    scenario = resolve(build(tree, f"engine sensitivities of {model}"))
+    with progress("sensitivities", len(FRACTIONS), "places of a stroke") as advance:
+        found = identify(scenario, advance)
     print(table(found))
     if file is not None:
         given = {"kind": "sensitivities", "sensitivities": found.model_dump()}

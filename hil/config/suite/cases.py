@@ -44,11 +44,13 @@ def read_composed(path: Path, locate: Locate, depth: int = 0) -> Tree:
 
     Parameters: locate : finds what is included and no file beside it, by name
 
-    Raises: ConfigError when a file is missing, or includes itself
+    Raises: ConfigError when a file is missing, empty, or includes itself
     """
     if depth > _DEEPEST:
         raise ConfigError(f"{path}: include: nested too deep: does a file include itself?")
     own = anchored(read_toml(path), path)
+    if not own:
+        raise ConfigError(f'{path}: empty; accepted is one key at least, as in name = "steady"')
     tree: Tree = {}
     for name in _strings(own.pop("include", []), path, "include"):
         beside = path.parent / name
