@@ -185,8 +185,10 @@ def _states(log: Log, span: Span) -> Iterator[NDArray[Any]]:
 def _work_j(rows: NDArray[Any], c: Cylinder, start_ns: int, end_ns: int) -> float:
     """Work of one cylinder's gas between two dead centres, of the pairs inside a block [J].
 
-    The first and the last pair belong to the blocks beside it.
+    The first and the last pair belong to the blocks beside it; the first block may be one row.
     """
+    if rows.shape[1] < 2:
+        return 0.0
     t_ns, x, dc_t_ns, dc_x = rows[:4]
     p = rows[4 if c.pressure == "p_left_pa" else 5]
     volume = _volume(c, x)

@@ -35,6 +35,8 @@ EVENTS = {
     "stop": {},
     "set-point": {"tdc_ref_m": 0.0152},
     "law": {"law": "predictive"},
+    "emergency-stop": {},
+    "mark": {"text": "here"},
 }
 """One of every kind of event, the plant's and the operator's."""
 

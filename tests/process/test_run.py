@@ -5,10 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from run_rig import children_of, start
 
 import hil.log
 
@@ -121,39 +121,10 @@ def test_report_rebuilds_what_a_run_wrote(tmp_path):
     assert summary_of(tmp_path) == first
 
 
-def started(out, *arguments):
-    """Start a long run and wait until both its logs are being written."""
-    options = [*arguments, "--no-report", "--set", "run.duration_s=60", "--out", str(out)]
-    process = subprocess.Popen(
-        [*HIL, "run", "steady", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    deadline_s = time.monotonic() + 30.0
-    logs = [out / "plant.mcap", out / "controller.mcap"]
-    while not all(log.exists() and log.stat().st_size > 20_000 for log in logs):
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
-    return process
-
-
-def children_of(pid):
-    """Return the process numbers of a process's children by module name."""
-    found = {}
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(status.read_text().rpartition(")")[2].split()[1])
-            command = (status.parent / "cmdline").read_bytes().decode().split("\0")
-        except OSError:
-            continue
-        if parent == pid and "-m" in command:
-            found[command[command.index("-m") + 1]] = int(status.parent.name)
-    return found
-
-
 @pytest.mark.parametrize("clock", [pytest.param("lockstep", marks=pytest.mark.slow), "realtime"])
 @pytest.mark.parametrize(("killed", "survivor"), [("plant", "controller"), ("controller", "plant")])
 def test_a_killed_process_leaves_two_whole_logs_and_one_line(tmp_path, clock, killed, survivor):
-    process = started(tmp_path, "--clock", clock)
+    process = start(tmp_path, "--clock", clock)
     pid = children_of(process.pid)[f"{killed}.main"]
     os.kill(pid, signal.SIGKILL)
     _, err = process.communicate(timeout=40)
@@ -169,7 +140,7 @@ def test_a_killed_process_leaves_two_whole_logs_and_one_line(tmp_path, clock, ki
 
 @pytest.mark.parametrize("link", ["zenoh", "memory"])
 def test_an_interrupt_ends_all_in_order(tmp_path, link):
-    process = started(tmp_path, "--clock", "lockstep", "--link", link)
+    process = start(tmp_path, "--clock", "lockstep", "--link", link)
     children = children_of(process.pid)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=40)
