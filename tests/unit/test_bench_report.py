@@ -5,6 +5,7 @@ import pytest
 from bench_logs import Made, alternating, make_run
 from web_sheets import unpacked
 
+import hil
 from bench.judge.figures import read_run
 from bench.judge.summary import summarise
 from bench.report.document import save_picture, write_report
@@ -70,6 +71,20 @@ def test_every_stroke_is_in_the_report_and_left_is_no_right(page):
     assert len(unpacked(sheet, left["y"])) + len(unpacked(sheet, right["y"])) == len(RESPONSE)
     assert unpacked(sheet, right["y"])[5] == pytest.approx(15.5 + 1.9, abs=1e-4)
     assert (left["colour"], left["shape"]) != (right["colour"], right["shape"])
+
+
+def test_a_stimulus_is_marked_with_what_it_does(tmp_path):
+    ramp = {
+        "kind": "ramp",
+        "parameter": "plant.disturbance.load_scale",
+        "value": 1.2,
+        "over_s": 0.1,
+    }
+    command = {"kind": "misfire", "when": {"event": "load"}}
+    events = {"load": ramp | {"at_s": 0.2}, "lost": command}
+    hil.run({"run": {"duration_s": 0.6}, "events": events}, out=tmp_path / "run", report=True)
+    plot = sheet_of((tmp_path / "run" / "report.html").read_text())["plots"][0]
+    assert [mark["label"] for mark in plot["marks"]] == ["load: ramp", "lost: no spark"]
 
 
 def test_what_a_log_says_is_text_and_never_markup(page):
