@@ -87,6 +87,33 @@ def test_a_stimulus_is_marked_with_what_it_does(tmp_path):
     assert [mark["label"] for mark in plot["marks"]] == ["load: ramp", "lost: no spark"]
 
 
+LAW = """
+class Law:
+    signals = {"asked_kg": "fuel asked for", "error_m": "of the stroke before", "strokes": "so far"}
+
+    def initial(self):
+        return 0.0, 0.0, 0
+
+    def step(self, state, view):
+        fuel_kg = view.point.fuel_kg
+        return (fuel_kg, view.tdc_ref_m - view.motion.tdc_m, state[2] + 1), fuel_kg
+
+    def tell(self, state):
+        return dict(zip(self.signals, state))
+"""
+
+
+def test_what_a_law_of_ones_own_tells_is_drawn_under_its_names(tmp_path):
+    (tmp_path / "mine.py").write_text(LAW)
+    law = str(tmp_path / "mine.py")
+    hil.run(controller=law, run__duration_s=0.3, out=tmp_path / "run", report=True)
+    plots = sheet_of((tmp_path / "run" / "report.html").read_text())["plots"]
+    drawn = [(plot["title"], plot["y"]) for plot in plots if plot["title"].startswith("Law")]
+    assert drawn == [
+        ("Law mine: asked_kg", "[mg]"), ("Law mine: error_m", "[mm]"), ("Law mine: strokes", "")
+    ]  # fmt: skip
+
+
 def test_what_a_log_says_is_text_and_never_markup(page):
     text = page.report.read_text()
     assert "<b>left</b>" not in text
