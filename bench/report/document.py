@@ -10,7 +10,7 @@ from typing import Any
 from bench.judge.figures import RunData
 from bench.judge.summary import Summary
 from bench.judge.verdict import VERDICTS
-from bench.report import cylinders, plots_control, plots_motion
+from bench.report import cylinders, plots_control, plots_motion, plots_own
 from bench.report.curves.traces import Traces, read_traces
 from bench.report.page import TILES, Tile, small_tile, table
 from bench.run.directory import RunFiles
@@ -45,7 +45,7 @@ def document(data: RunData, summary: Summary, files: RunFiles, extra: str = "") 
         _expectations(summary),
         '<section class="pictures">',
         controls(TIME, plots_motion.marks_of(data)),
-        *_plots(page, data, traces),
+        *_plots(page, data, traces, plots_own.told(data, traces, files)),
         "</section>",
         cylinders.section(page, data.scenario, files),
         _events(data),
@@ -68,14 +68,14 @@ def save_picture(data: RunData, files: RunFiles, file: Output) -> None:
     file.write(text)
 
 
-def _plots(page: Page, data: RunData, traces: Traces) -> list[str]:
+def _plots(page: Page, data: RunData, traces: Traces, own: Sequence[Plot]) -> list[str]:
     """Every plot that the run has something to show in, laid out in rows."""
     rows: list[Sequence[Plot | None]] = [
         [plots_motion.position(data, traces)],
         [plots_motion.dead_centres(data)],
         [plots_motion.tdc_error(data)],
         [plots_motion.phase(data, traces), plots_motion.fuel(data, traces)],
-        *([plot] for plot in plots_control.loops(data, traces)),
+        *([plot] for plot in (*plots_control.loops(data, traces), *own)),
         [plots_motion.pressures(data, traces)],
         *([plot] for plot in plots_motion.machine(data, traces)),
     ]

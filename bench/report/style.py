@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.judge.figures import RunData
+from hil.config.resolved import Resolved
 from hil.wire.commands import TimedCommand
 
 if TYPE_CHECKING:
@@ -129,12 +130,22 @@ def describe_event(name: str, event: TimedCommand) -> str:
     return name
 
 
+def _description(scenario: Resolved, name: str) -> str:
+    """Describe an event, or what a stimulus does."""
+    if name in scenario.events:
+        return describe_event(name, scenario.events[name])
+    given = scenario.stimuli[name]
+    if given.command is not None:
+        return describe_event(name, given.command)
+    return f"{name}: {given.kind}"
+
+
 def event_marks(data: RunData) -> list[tuple[float, str]]:
     """Return instant [s] and label of each event; events of one instant share a label."""
     marks: dict[float, list[str]] = {}
     for instant in data.instants:
         if instant.t_ns is not None:
-            label = describe_event(instant.name, data.scenario.events[instant.name])
+            label = _description(data.scenario, instant.name)
             marks.setdefault(instant.t_ns * 1e-9, []).append(label)
     return [(t_s, ", ".join(labels)) for t_s, labels in sorted(marks.items())]
 

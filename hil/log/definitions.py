@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 from hil.log.records import SCALARS, Field
 
@@ -28,6 +29,7 @@ _MOST_FIELDS = 4096
 Types = dict[str, tuple[Field, ...]]
 
 
+@lru_cache(maxsize=64)  # every log of a campaign or suite has the same ones
 def parse_definition(text: str, package: str = "") -> tuple[Field, ...]:
     """Return the fields of a definition, those of nested types with dotted names.
 

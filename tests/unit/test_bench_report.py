@@ -5,6 +5,7 @@ import pytest
 from bench_logs import Made, alternating, make_run
 from web_sheets import unpacked
 
+import hil
 from bench.judge.figures import read_run
 from bench.judge.summary import summarise
 from bench.report.document import save_picture, write_report
@@ -70,6 +71,47 @@ def test_every_stroke_is_in_the_report_and_left_is_no_right(page):
     assert len(unpacked(sheet, left["y"])) + len(unpacked(sheet, right["y"])) == len(RESPONSE)
     assert unpacked(sheet, right["y"])[5] == pytest.approx(15.5 + 1.9, abs=1e-4)
     assert (left["colour"], left["shape"]) != (right["colour"], right["shape"])
+
+
+def test_a_stimulus_is_marked_with_what_it_does(tmp_path):
+    ramp = {
+        "kind": "ramp",
+        "parameter": "plant.disturbance.load_scale",
+        "value": 1.2,
+        "over_s": 0.1,
+    }
+    command = {"kind": "misfire", "when": {"event": "load"}}
+    events = {"load": ramp | {"at_s": 0.2}, "lost": command}
+    hil.run({"run": {"duration_s": 0.6}, "events": events}, out=tmp_path / "run", report=True)
+    plot = sheet_of((tmp_path / "run" / "report.html").read_text())["plots"][0]
+    assert [mark["label"] for mark in plot["marks"]] == ["load: ramp", "lost: no spark"]
+
+
+LAW = """
+class Law:
+    signals = {"asked_kg": "fuel asked for", "error_m": "of the stroke before", "strokes": "so far"}
+
+    def initial(self):
+        return 0.0, 0.0, 0
+
+    def step(self, state, view):
+        fuel_kg = view.point.fuel_kg
+        return (fuel_kg, view.tdc_ref_m - view.motion.tdc_m, state[2] + 1), fuel_kg
+
+    def tell(self, state):
+        return dict(zip(self.signals, state))
+"""
+
+
+def test_what_a_law_of_ones_own_tells_is_drawn_under_its_names(tmp_path):
+    (tmp_path / "mine.py").write_text(LAW)
+    law = str(tmp_path / "mine.py")
+    hil.run(controller=law, run__duration_s=0.3, out=tmp_path / "run", report=True)
+    plots = sheet_of((tmp_path / "run" / "report.html").read_text())["plots"]
+    drawn = [(plot["title"], plot["y"]) for plot in plots if plot["title"].startswith("Law")]
+    assert drawn == [
+        ("Law mine: asked_kg", "[mg]"), ("Law mine: error_m", "[mm]"), ("Law mine: strokes", "")
+    ]  # fmt: skip
 
 
 def test_what_a_log_says_is_text_and_never_markup(page):

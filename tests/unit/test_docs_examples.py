@@ -30,8 +30,9 @@ def test_a_scenario_on_a_page_meets_what_it_expects(page, text, tmp_path):
     if "include" in text:
         assert len(cases_of(tomllib.loads(text), path)) == 8
         path = f"{path}::light-tdc_ref_m=0.0153-seed=1"
-    run = hil.run(str(path))
+    run = hil.run(str(path), out=tmp_path / "run", report=True)
     assert run.verdict in ("met", "none"), run.reason
+    assert (tmp_path / "run" / "report.html").stat().st_size > 100_000
 
 
 @pytest.mark.parametrize(("page", "text"), PYTHON)
