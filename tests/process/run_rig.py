@@ -21,7 +21,10 @@ def start(out, *arguments, scenario="steady", duration_s=60.0, **options):
     process = subprocess.Popen(command, start_new_session=True, **options)
     logs = [out / "plant.mcap", out / "controller.mcap"]
     wait_until(
-        lambda: process.poll() is not None or all(map(_has_begun, logs)),
+        lambda: (
+            process.poll() is not None
+            or all(log.exists() and log.stat().st_size > 80_000 for log in logs)
+        ),
         f"{out}: two logs",
     )
     assert process.poll() is None, process.communicate()
