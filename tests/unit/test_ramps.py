@@ -45,6 +45,14 @@ def test_a_ramp_of_the_load_is_followed(law, peak_mm, model):
     assert all(abs(e) < 0.1 for t, e in errors if t > BEGINS_S + LASTS_S + 0.1)
 
 
+@pytest.mark.parametrize(("model", "peak_mm"), [("harmonic", 0.25), ("nonlinear", 0.2)])
+@pytest.mark.parametrize("rise", [0.2, -0.2])
+def test_predictive_foresees_a_ramp_though_it_sees_the_load_once_a_stroke(model, peak_mm, rise):
+    errors = ramp("predictive", model, rise)
+    assert max(abs(e) for _, e in errors) < peak_mm
+    assert all(abs(e) < 0.1 for t, e in errors if t > BEGINS_S + LASTS_S + 0.1)
+
+
 def test_a_drift_is_what_lasts():
     """A step shows once, and what alternates never; a ramp shows from its second stroke on."""
     drift, seen = LoadDrift(), []

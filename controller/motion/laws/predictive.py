@@ -13,6 +13,7 @@ from mypy_extensions import i64
 
 from controller.motion.charge import Learning, is_near, shares_of
 from controller.motion.law import Demand, Law, View
+from controller.motion.load_estimate import NO_DRIFT, LoadDrift
 from controller.motion.quiet import NOTHING_SEEN, Noise, Quiet
 from hil.config.controller import ControllerConfig
 from hil.config.motion.laws import PredictiveConfig
@@ -23,6 +24,9 @@ _LEAST: Final = 0.2
 _MOST: Final = 4.0
 _WORST_SHARE: Final = 9.0
 _TRUST: Final = 100.0
+_NEXT: Final = 1.25
+"""From the load inferred, which is that of a stroke's first half, to the next stroke's mean."""
+
 _SAME_SPEED: Final = 0.02
 """Of the mid-stroke speed in the steady state: a map that is further off is a poor one."""
 
@@ -31,19 +35,29 @@ _SAME_SPEED: Final = 0.02
 class InferredLoad(Value):
     """The load inferred last (0: none yet), its variance as a share, noise of one inference.
 
-    seen: inferences of the stroke before and of the one before that
+    seen: inferences of the stroke before and of the one before that; drift: what a stroke adds;
+    left: by what share the last one exceeded what was expected; slope: of the drift, what is no
+    noise [N s/m]
     """
 
-    __slots__ = ("c", "variance", "noise", "seen")
+    __slots__ = ("c", "variance", "noise", "seen", "drift", "left", "slope")
 
     def __init__(
         self, c: float = 0.0, variance: float = 1e-4, noise: float = 4e-6,
-        seen: tuple[float, float] = (0.0, 0.0),
+        seen: tuple[float, float] = (0.0, 0.0), drift: LoadDrift = NO_DRIFT, left: float = 0.0,
+        slope: float = 0.0,
     ) -> None:  # fmt: skip
         self.c = c
         self.variance = variance
         self.noise = noise
         self.seen = seen
+        self.drift = drift
+        self.left = left
+        self.slope = slope
+
+    def after(self, strokes: float) -> float:
+        """The load so many strokes later, if its drift goes on [N s/m]."""
+        return self.c + strokes * self.slope
 
 
 NONE_YET: Final = InferredLoad()
@@ -104,7 +118,10 @@ class Predictive(Law[PredictiveState]):
         v_mid = motion.v_mid_m_s / believed.speed
         noise = state.noise.after(self.quiet, motion.tdc_m - view.tdc_ref_m, motion.side)
         part = noise.share(self.quiet)
-        load, excess, news = _inferred(self.config.predictive, state.load, view, q, v_mid, part)
+        clear = 1.0 if noise.sigma_m < self.quiet.least_m else 0.0
+        load, excess, news = _inferred(
+            self.config.predictive, state.load, view, q, v_mid, (part, clear)
+        )
         share, offset_m, calm = _lessons(
             self.learning, state, motion.tdc_m, 1 - ahead, excess, news, part
         )
@@ -114,7 +131,9 @@ class Predictive(Law[PredictiveState]):
         if view.lag and view.enclosed_kg > 0.0:  # a stroke on what is enclosed comes before
             enclosed = _at(share, ahead) * view.enclosed_kg
             start_m = believed.end_of(enclosed, load.c, end_m) + offset_m
-        wanted = believed.charge_for(load.c, start_m, view.tdc_ref_m - offset_m, view.point.fuel_kg)
+        wanted = believed.charge_for(
+            load.after(_NEXT), start_m, view.tdc_ref_m - offset_m, view.point.fuel_kg
+        )
         asked = wanted / _at(share, view.fuel_side)
         fuel_kg = view.limited_kg(asked)
         demand = Demand(
@@ -131,7 +150,7 @@ class Predictive(Law[PredictiveState]):
 
     def restarted(self, state: PredictiveState) -> PredictiveState:
         """Keep what was learnt; the stroke under way was not predicted."""
-        return replace(state, end_m=0.0, load=replace(state.load, c=0.0))
+        return replace(state, end_m=0.0, load=replace(state.load, c=0.0, drift=NO_DRIFT, slope=0.0))
 
 
 def _at(share: tuple[float, float], side: i64) -> float:
@@ -144,18 +163,22 @@ def _inferred(
     view: View,
     q: float,
     v_mid: float,
-    part: float,
+    parts: tuple[float, float],
 ) -> tuple[InferredLoad, float, float]:
-    """The load behind a mid-stroke speed; by how much it exceeds, and what of that is news."""
+    """The load behind a mid-stroke speed; by how much it exceeds, and what of that is news.
+
+    Parameters: parts : of the gains that act, and of a drift that is foreseen: none amid noise
+    """
     believed, commanded = view.believed, view.load_n_s_m
-    seen = believed.load_behind(q, view.motion.tdc_m, v_mid, before.c or commanded)
+    expected = before.after(1.0)
+    seen = believed.load_behind(q, view.motion.tdc_m, v_mid, expected or commanded)
     seen = min(max(seen, _LEAST * commanded), _MOST * commanded)
-    excess = seen / (before.c or seen) - 1.0
+    excess = seen / (expected or seen) - 1.0
     # Two cylinders that differ alternate: what the same side has shown before is no load step.
     again = seen / before.seen[1] - 1.0 if before.seen[1] > 0.0 else excess
     news = min(abs(excess), abs(again))
     trust = 1.0 if abs(believed.speed - 1.0) < _SAME_SPEED else config.poor_map_trust
-    return _filtered(config, before, seen, trust * excess, trust * news, part), excess, news
+    return _filtered(config, before, seen, trust * excess, trust * news, parts), excess, news
 
 
 def _filtered(
@@ -164,25 +187,40 @@ def _filtered(
     seen: float,
     excess: float,
     news: float,
-    part: float,
+    parts: tuple[float, float],
 ) -> InferredLoad:
     """The load, its variance and the noise of an inference: a Kalman filter, noise learnt.
 
     What the noise cannot explain is a change of the load, and is taken at once.
     """
-    drift = part * config.drift
-    variance = before.variance + drift * drift
+    part, clear = parts
+    wander = part * config.drift
+    variance = before.variance + wander * wander
     square = news * news
     s = variance + before.noise
     if square > config.gate * config.gate * s:
         variance += square * _TRUST
         s = variance + before.noise
     gain = variance / s
-    spread = min(square, _WORST_SHARE * before.noise)
+    # What a drift leaves over is much the same each time; only what changes is noise.
+    apart = excess - before.left
+    changed = min(square, 0.5 * apart * apart)
+    spread = min(square + clear * (changed - square), _WORST_SHARE * before.noise)
     noise = before.noise + config.noise_gain * (spread - before.noise)
     noise = max(noise, config.noise_floor * config.noise_floor)
-    c = (before.c or seen) * (1.0 + gain * excess)
-    return InferredLoad(c, variance * (1.0 - gain), noise, (seen, before.seen[0]))
+    c = (before.after(1.0) or seen) * (1.0 + gain * excess)
+    drift = before.drift.after(c)
+    return InferredLoad(
+        c, variance * (1.0 - gain), noise, (seen, before.seen[0]), drift, excess,
+        clear * _confirmed(drift.lasting, before.drift.lasting),
+    )  # fmt: skip
+
+
+def _confirmed(now: float, before: float) -> float:
+    """What of a drift has lasted a stroke more: a step between mid-strokes shows in two of them."""
+    if now * before <= 0.0:
+        return 0.0
+    return now if abs(now) < abs(before) else before
 
 
 def _lessons(
