@@ -70,8 +70,16 @@ def tune(
         Path | None, typer.Option(help="Scenario file to write, gains and provenance in it.")
     ] = None,
     model: Annotated[
-        str | None, typer.Option(help="Engine model to judge on, in place of both linear ones.")
+        str | None,
+        typer.Option(
+            metavar="NAMES", help="Models to judge on, in place of both linear ones: {models}."
+        ),
     ] = None,
+    prototype: Annotated[
+        str, typer.Option(metavar="NAME", help="Engine: {prototypes}, or a .toml file.")
+    ] = "nu",
+    rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Loop rates.")] = "1000",
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
     force: Force = False,
 ) -> None:
     """Judge the gains of a law, or look for better ones.
@@ -79,18 +87,11 @@ def tune(
     Over load steps, and with another engine than is believed.
     """
     from bench.studies import tune as work
+    from bench.studies.trial import read_trial
 
-    raise typer.Exit(
-        work.run(
-            law,
-            search=search,
-            generations=generations,
-            start=start,
-            out=out,
-            force=force,
-            model=model,
-        )
-    )
+    trial = read_trial(model, rate, prototype)
+    sought = generations if search else 0
+    raise typer.Exit(work.run(work.Wanted(law, trial, sought, start, out, force, workers)))
 
 
 def performance_map(

@@ -18,6 +18,7 @@ from bench.run.resolve import resolve
 from bench.studies.bound import Informed
 from bench.studies.compare import NO_CONTROL, Tree, bound_of, least_sigma_mm
 from bench.studies.pool import worker_pool
+from bench.studies.trial import fired
 from controller.motion.choice import watches
 from controller.motion.laws import LAWS
 from hil.config.load import build, with_override
@@ -39,14 +40,23 @@ class EngineModel(NamedTuple):
     prototype: str
     model: str
 
+    @property
+    def usual_law(self) -> str:
+        """A law that this engine runs with."""
+        return "cycle" if self.model == "four-stroke" else "cascade"
+
     def __str__(self) -> str:
         return f"{self.prototype} {self.model}"
 
 
 ENGINES: Final = (
     EngineModel("nu", "harmonic"), EngineModel("nu", "rectangular"), EngineModel("nu", "nonlinear"),
-    EngineModel("nu", "two-stroke"), EngineModel("bit", "harmonic"),
+    EngineModel("nu", "two-stroke"), EngineModel("nu", "four-stroke"),
+    EngineModel("bit", "harmonic"),
 )  # fmt: skip
+
+
+SLOW: Final = ("two-stroke", "four-stroke", "nonlinear")
 
 
 class Extent(NamedTuple):
@@ -98,7 +108,7 @@ def tasks(
     changes: Sequence[tuple[str, Any]] = (),
 ) -> list[Task]:  # fmt: skip
     """Every row that there is to be, the slowest engines first, so that no worker waits at last."""
-    slow = sorted(engines, key=lambda engine: engine.model not in ("two-stroke", "nonlinear"))
+    slow = sorted(engines, key=lambda engine: engine.model not in SLOW)
     return [
         Task(law, engine, rate, extent, tuple(changes))
         for engine in slow for rate in sorted(extent.rates, reverse=True) for law in laws
@@ -111,7 +121,10 @@ def check_changes(engines: Iterable[EngineModel], changes: Sequence[tuple[str, A
     Raises: ConfigError naming the key
     """
     for engine in engines:
-        build(_tree(Task("cascade", engine, NOMINAL_HZ, QUICK, tuple(changes))), f"{engine} --set")
+        build(
+            _tree(Task(engine.usual_law, engine, NOMINAL_HZ, QUICK, tuple(changes))),
+            f"{engine} --set",
+        )
 
 
 def survey(
@@ -151,7 +164,9 @@ def bound_row(
 ) -> tuple[float | None, float | None, float | None]:
     """Largest peak and longest settling of the bound over the steps, and the least scatter."""
     engine, extent, changes, known = asked
-    base = resolve(build(_tree(Task("cascade", engine, NOMINAL_HZ, extent, changes)), str(engine)))
+    base = resolve(
+        build(_tree(Task(engine.usual_law, engine, NOMINAL_HZ, extent, changes)), str(engine))
+    )
     find, steps = bound_of(base), [(load, part) for load in LOADS for part in extent.fractions]
     peak, settling = _worst(find(*step, known) for step in steps) if find else (None, None)
     return peak, settling, least_sigma_mm(base, EFFICIENCY)
@@ -192,10 +207,10 @@ def _tree(task: Task, **settings: Any) -> Tree:  # noqa: ANN401
 def _run(task: Task, settings: Tree) -> tuple[Resolved, Course]:
     """Run a row's engine with an event; open loop burns what keeps the set point."""
     if task.law == NO_CONTROL:
-        fuel_kg = resolve(build(_tree(task, **{"controller.name": "cascade"}), "x"))
+        fuel_kg = resolve(build(_tree(task, **{"controller.name": task.engine.usual_law}), "x"))
         settings |= {"controller.open_loop.fuel_kg": fuel_kg.controller.preset.fuel_kg}
     scenario = resolve(build(_tree(task, **settings), str(task.engine)))
-    return scenario, simulate(scenario)
+    return scenario, fired(scenario, simulate(scenario))
 
 
 def _step(task: Task, load: float, fraction: float) -> tuple[Response, Course]:

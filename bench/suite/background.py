@@ -44,6 +44,7 @@ class Background:
     def __init__(self, scenario: Scenario, directory: Path) -> None:
         self.t_s = 0.0
         self._rows: dict[tuple[str, str], Any] = {}
+        self._taps: dict[Side, Tap] = {}
         self._stack = contextlib.ExitStack()
         asked = directory / "asked.json"
         Output("--out", asked, force=True).write(scenario.model_dump_json())
@@ -68,19 +69,23 @@ class Background:
         while True:
             try:
                 config = read_resolved(files.scenario).link.zenoh
-                self._taps = {side: Tap.join(records_socket(config, side)) for side in _SIDES}
+                for side in _SIDES:
+                    if side not in self._taps:  # one may record before the other does
+                        self._taps[side] = self._opened(Tap.join(records_socket(config, side)))
                 break
             except (ConfigError, LinkError, OSError) as error:
                 self._raise_if_ended()
                 if time.monotonic() > end_s:
                     raise RunError(f"the run did not begin: {error}") from None
                 time.sleep(_LOOK_S)
-        for tap in self._taps.values():
-            self._stack.callback(tap.close)
         self._operator = joined(files.directory, _SIDES)
         self._stack.callback(self._operator.close)
         while not self.t_s:
             self.step()
+
+    def _opened(self, tap: Tap) -> Tap:
+        self._stack.callback(tap.close)
+        return tap
 
     def value(self, signal_name: str) -> float:
         """Return the newest value of a signal; nan while there is none.

@@ -11,7 +11,8 @@ import pytest
 from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
-from bench.studies.tune import CELLS, Cell, gains_in_force, judge
+from bench.studies.trial import Cell, judge, trial_of
+from bench.studies.tune import gains_in_force
 from hil.config.load import build, with_override
 from hil.toml import read_toml
 
@@ -57,7 +58,7 @@ def codes(course):
     return [event.code for event in course.events]
 
 
-@pytest.mark.parametrize("cell", CELLS, ids=str)
+@pytest.mark.parametrize("cell", trial_of().cells, ids=str)
 def test_cascade_settles_in_time_with_the_peak_that_the_equations_give(cell):
     result = judged("cascade", cell)
     assert result.settling_ms <= SETTLING_MS
@@ -71,7 +72,7 @@ def test_single_loop_has_the_peak_that_its_delay_costs(cell):
     )
 
 
-@pytest.mark.parametrize("cell", [c for c in CELLS if c.load < 1.0], ids=str)
+@pytest.mark.parametrize("cell", [c for c in trial_of().cells if c.load < 1.0], ids=str)
 def test_cascade_beats_the_single_loop_on_the_load_decrease(cell):
     """A lower peak and a shorter settling (thesis Fig 6.10)."""
     cascade, single = judged("cascade", cell), judged("single-loop", cell)

@@ -30,7 +30,11 @@ peer_timeout_s = 15
 enabled = false
 [controller]
 running = false
+limits.stale_s = 0.1
+[plant]
+stale_s = 0.1
 """
+"""A stall of a busy machine is not what is tried here: it takes no engine."""
 
 
 @pytest.fixture

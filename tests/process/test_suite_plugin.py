@@ -134,7 +134,10 @@ LIVE = """
 import pytest
 from hil.errors import ConfigError
 
-@pytest.mark.hil_scenario("steady", model="harmonic")
+BORNE_S = 0.1  # a stall of a busy machine takes no engine
+PATIENT = {"plant.stale_s": BORNE_S, "controller.limits.stale_s": BORNE_S}
+
+@pytest.mark.hil_scenario("steady", model="harmonic", **PATIENT)
 def test_rig(rig):
     rig.wait(0.2)
     rig.set(tdc_ref_m=0.0153)

@@ -22,7 +22,7 @@ def run(directory, *flags):
     done = subprocess.run(
         [*command, *flags, *SHORT], capture_output=True, text=True, timeout=60, check=False
     )
-    assert done.returncode in (0, 1), done.stderr
+    assert done.returncode in (0, 1, 4), done.stderr  # the verdict is another matter
     return directory
 
 

@@ -7,7 +7,7 @@ import pytest
 from bench import cli
 from bench.run import directory
 from bench.run.offline import Course
-from bench.studies import tune
+from bench.studies import trial, tune
 from hil.errors import ConfigError
 from hil.files import Output
 
@@ -44,7 +44,7 @@ def refused(monkeypatch, capsys, tmp_path):
         "bench.studies.engine.sweep.sweep",
         "bench.studies.engine.precision.measure",
         "bench.studies.tune.looked_for",
-        "bench.studies.tune.judge",
+        "bench.studies.trial.judge",
         "bench.studies.compare_command.compare",
         "bench.measure.latency.measure_round",
         "bench.measure.highest_rate.try_rate",
@@ -104,19 +104,17 @@ def test_a_check_leaves_no_trace(tmp_path):
         Output("--out", tmp_path / "new", force=True).check()
 
 
-def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled(monkeypatch):
+def test_gains_with_which_the_engine_stops_before_the_step_are_unsettled():
     course = Course([], [], "safe", [], [])
-    result = tune.read_off(course, 0.0155)
+    result = trial.read_off(course, 0.0155)
     assert (result.errors_mm, result.settling_ms) == ((), math.inf)
-    monkeypatch.setattr(tune, "simulate", lambda _scenario: course)
-    gains = tune.gains_in_force("cascade")
-    assert tune.cost("cascade", list(gains.values())) == tune.UNSETTLED
+    cells = trial.trial_of()
+    assert tune.cost(cells, [result] * len(cells.every)) == tune.UNSETTLED
 
 
-def test_a_search_comes_to_its_end(monkeypatch):
+def test_a_search_comes_to_its_end():
     """Candidates with which the engine stops are among the first of it."""
-    monkeypatch.setattr(tune, "CELLS", tune.CELLS[:1])
-    monkeypatch.setattr(tune, "OTHER_ENGINES", tune.OTHER_ENGINES[:1])
+    cells, others = trial.trial_of()
     before = tune.gains_in_force("cascade")
-    found = tune.looked_for("cascade", before, generations=1)
+    found = tune.looked_for("cascade", before, 1, trial.Trial(cells[:1], others[:1]))
     assert found.keys() == before.keys()

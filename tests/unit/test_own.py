@@ -13,6 +13,7 @@ from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import read, read_cases
 from bench.studies import tune
+from bench.studies.trial import Trial
 from hil.config.plant import PlantConfig
 from hil.errors import ConfigError, LogError, RunError
 from hil.log.part import ALWAYS
@@ -150,7 +151,8 @@ def test_it_is_tuned_by_the_numbers_of_its_settings(here):
     path = str(write("law", "my-law", force=False))
     assert tune.keys_of(path) == ("own.settings.kp", "own.settings.ki")
     assert tune.gains_in_force(path) == {"own.settings.kp": 1.8e-4, "own.settings.ki": 1.0e-4}
-    assert "own.settings.kp = 0.00018" in tune.table(path, tune.gains_in_force(path))
+    none = Trial((), ())
+    assert "own.settings.kp = 0.00018" in tune.table(path, tune.gains_in_force(path), none, [])
     with pytest.raises(ConfigError, match="declares no number"):
         tune.keys_of(str(law(here)))
 

@@ -8,6 +8,7 @@ from bench.studies import compare as comparison
 from bench.studies import compare_page, survey, tune
 from bench.studies.campaign.config import Campaign, LoadSpread, Spread, draw, read, scenario_of
 from bench.studies.campaign.run import run_one
+from bench.studies.trial import Trial, trial_of
 from hil.errors import ConfigError
 
 WATCHER = """
@@ -72,20 +73,21 @@ def test_a_law_that_fails_in_a_run_is_told_in_its_row(law, engine, tmp_path):
 
 
 def test_gains_are_judged_on_an_engine_of_ones_own(law, engine, monkeypatch):
-    trial = tune.trial_of(engine)
-    assert {cell.model for cell in (*trial.cells, *trial.others)} == {engine}
-    short = tune.Trial(trial.cells[:1], trial.others[:1])
-    told = tune.table(law, tune.gains_in_force(law), short)
-    assert told.count("peak") == 2
-    assert tune.cost(law, list(tune.gains_in_force(law).values()), short) < tune.UNSETTLED
+    trial, gains = trial_of([engine]), tune.gains_in_force(law)
+    assert {cell.model for cell in trial.every} == {engine}
+    short = Trial(trial.cells[:1], trial.others[:1])
+    found = tune.judge_all(law, gains, short.every)
+    assert tune.table(law, gains, short, found).count("peak") == 2
+    assert tune.cost(short, found) < tune.UNSETTLED
 
 
 def test_a_search_finds_gains_of_ones_own_law_that_are_no_worse(law):
-    trial = tune.Trial(tune.CELLS[:1], tune.OTHER_ENGINES[:1])
+    cells, others = trial_of()
+    trial = Trial(cells[:1], others[:1])
     start = tune.gains_in_force(law)
     found = tune.looked_for(law, start, 1, trial)
     before, after = (
-        tune.cost(law, [gains[key] for key in tune.keys_of(law)], trial) for gains in (start, found)
+        tune.cost(trial, tune.judge_all(law, gains, trial.every)) for gains in (start, found)
     )
     assert after <= before
 

@@ -2,10 +2,11 @@
 
 import pytest
 
+from bench.run.offline import simulate
 from bench.run.resolve import resolve
 from bench.run.scenarios import find
 from bench.run.sensitivities import identify
-from bench.studies import tune
+from bench.studies.trial import Cell, read_off, scenario_of
 from controller.build import make_params
 from controller.motion.choice import make_laws, refusal
 from controller.motion.maps.sensitivities import SensitivityMap, Table
@@ -71,9 +72,9 @@ def test_the_charge_for_a_target_reaches_it(both):
 @pytest.mark.parametrize(("load", "peak_mm"), [(0.85, 0.961), (1.15, 1.145)])  # its bound
 def test_a_two_stroke_engine_is_kept_at_the_bound(load, peak_mm):
     """A step at a quarter of a stroke; without a map of this engine it never settled."""
-    scenario = tune.scenario_of(tune.Cell("two-stroke", load, 0.25), "pdf", {})
-    course = tune.simulate(scenario)
-    result = tune.read_off(course, scenario.controller.tdc_ref_m)
+    scenario = scenario_of(Cell("two-stroke", load, 0.25), "pdf", {})
+    course = simulate(scenario)
+    result = read_off(course, scenario.controller.tdc_ref_m)
     assert [event.code for event in course.events] == ["disturbance"]
     assert result.peak_mm <= 1.1 * peak_mm
     assert max(map(abs, result.errors_mm[1:])) < 0.2

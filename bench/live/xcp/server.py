@@ -17,6 +17,7 @@ from typing import Any, Final, NamedTuple
 from bench.live.engines import Engine, engine_of
 from bench.live.ports import HOST, bound
 from bench.live.steer import Operator, set_parameters, values_of
+from bench.live.taps import SIDES
 from bench.live.xcp import a2l
 from bench.live.xcp.addresses import Place
 from bench.live.xcp.daq import EVENTS
@@ -40,8 +41,14 @@ class Bench:
 
     def __init__(self, engine: Engine) -> None:
         self.port = 0
-        self.taps = {side: Tap.join(engine.records_of(side)) for side in ("plant", "controller")}
-        self._operator: Operator = engine.operator("hil xcp")
+        self.taps: dict[str, Tap] = {}
+        with contextlib.ExitStack() as opening:
+            for side in SIDES:
+                self.taps[side] = tap = Tap.join(engine.records_of(side))
+                opening.callback(tap.close)
+            self._operator: Operator = engine.operator("hil xcp")
+            opening.callback(self._operator.close)
+            self._leave = opening.pop_all()
         self._newest: dict[tuple[str, str], Any] = {}
 
     def rows(self, side: str) -> dict[str, Any]:
@@ -90,9 +97,7 @@ class Bench:
 
     def close(self) -> None:
         """Leave."""
-        self._operator.close()
-        for tap in self.taps.values():
-            tap.close()
+        self._leave.close()
 
 
 class Master(NamedTuple):
