@@ -9,6 +9,7 @@ EFFICIENCY = 1
 SENSOR = 2
 VALVE = 3
 INJECTOR = 4
+SPARK = 5
 STIMULUS = 16
 """Streams; of stimuli this and those after it."""
 

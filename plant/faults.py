@@ -5,23 +5,26 @@
 
 from __future__ import annotations
 
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.values import replace
 from hil.wire import commands
 from hil.wire.commands import TimedCommand
 from plant.memory import Ordered
-from plant.rig.disturbances import compile_edges
+from plant.rig.disturbances import compile_edges, objection_to
 from plant.rig.params import PlantParams
 
 
-def parse(raw: bytes, origin: str, t_ns: int) -> TimedCommand | None:
-    """Read a fault; None for a command that is not for the plant.
+def parse(raw: bytes, origin: str, t_ns: int, config: PlantConfig) -> TimedCommand | None:
+    """Read a fault of this plant; None for a command that is not for the plant.
 
     Raises: ConfigError naming origin, field and what is wrong with it
     """
     command = commands.parse(raw, origin, commands.PLANT)
     if command is None:
         return None
+    if reason := objection_to(config, command.kind):
+        raise ConfigError(f"command from {origin}: {reason}")
     try:
         return commands.begun_at(t_ns * 1e-9, command)
     except ValueError as error:
@@ -47,7 +50,7 @@ def with_fault(p: PlantParams, next_edge: int, event: TimedCommand, name: str = 
 def with_ordered(p: PlantParams, ordered: tuple[Ordered, ...]) -> PlantParams:
     """Return the parameters with the faults that a run had been ordered."""
     for one in ordered:
-        event = parse(one.text.encode(), "the log", one.t_ns)
+        event = parse(one.text.encode(), "the log", one.t_ns, p.config)
         if event is not None:
             p = with_fault(p, one.next_edge, event, one.name)
     return p

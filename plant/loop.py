@@ -189,7 +189,7 @@ class PlantLoop:
             self._heard += heard
             return
         try:
-            event = faults.parse(raw, origin, t_ns)
+            event = faults.parse(raw, origin, t_ns, self.params.config)
         except ConfigError as error:
             heard += topics.EVENT.pack(tick, t_ns, topics.WARNING, "command-refused", str(error))
             commands.answer(False, tick, str(error))

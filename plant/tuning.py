@@ -6,22 +6,28 @@ from collections.abc import Mapping
 
 from hil.config.plant import PlantConfig
 from hil.config.ranges import stale_ticks
+from hil.errors import ConfigError
 from hil.names.parameters import apply
 from hil.values import replace
 from plant.engines.own.model import OwnEngine
+from plant.rig.disturbances import objection
 from plant.rig.events import Event
 from plant.rig.ignition import ignition_of
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams, injector_of, is_noisy, window_ns
 from plant.rig.state import PlantState
 from plant.rig.stroke import act
+from plant.rig.valves import late_ns
 
 
 def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
     """Return the parameters by another configuration; an engine of ours stays as it was built.
 
-    Raises: ConfigError for settings that an engine of the user's does not accept
+    Raises: ConfigError for settings that an engine of the user's does not accept, and for what
+        this plant does not have
     """
+    if reason := objection(config):
+        raise ConfigError(reason)
     load_n_s_m, engine = config.load_coefficient_n_s_m, p.engine
     if isinstance(engine, OwnEngine):
         engine = engine.remade(config)
@@ -34,6 +40,7 @@ def retuned(p: PlantParams, config: PlantConfig) -> PlantParams:
         spark_window_ns=window_ns(config.spark_window_s),
         ignition=ignition_of(config.ignition, config.resolved_prototype()),
         injector=injector_of(config.injector, config.resolved_prototype().half_stroke_m),
+        valves=replace(p.valves, exhaust_late_ns=late_ns(config.disturbance.exhaust_late_s)),
         sensors=config.sensors,
         noisy=is_noisy(config.sensors),
     )

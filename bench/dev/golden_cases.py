@@ -107,6 +107,16 @@ _LIVE: Final = (
         ),
     ),
     Case(
+        "pre-ignition", "steady",
+        _short(
+            0.3, ("plant.ignition.work", "map"),
+            ("plant.ignition.lead_s", [0.0, 0.003, 0.006]),
+            ("plant.ignition.factor", [0.9, 1.0, 0.94]),
+            ("events.early", {"kind": "pre-ignition", "at_s": 0.02, "at_stroke_fraction": 0.8}),
+        ),
+        (Order(0.12, {"kind": "pre-ignition", "at_stroke_fraction": 0.75}),),
+    ),
+    Case(
         "live-faults", "steady", _short(0.5),
         (
             Order(0.05, {"kind": "misfire", "count": 2, "cause": "fuel"}),

@@ -30,6 +30,7 @@ from hil.names.own import checked
 from plant.engines.fast.constants import Constants, constants_of
 from plant.engines.fast.limit_cycle import LimitCycle, fuel_for_tdc, limit_cycle, steady_at
 from plant.engines.fast.limit_cycle import power_w as settled_power_w
+from plant.rig import disturbances
 
 _SLOPE_STEP = 0.01
 _OF_THE_MOTION = ("v_mid_m_s", "stroke_s", "fuel_per_speed_kg_s_m", "power_w")
@@ -67,7 +68,20 @@ def resolve(scenario: Scenario, sockets: Path | None = None) -> Resolved:
     whole = believing(found)
     check_stimuli(whole)
     check_protection(whole)
+    _check_disturbances(whole)
     return whole
+
+
+def _check_disturbances(scenario: Resolved) -> None:
+    """Refuse what would disturb nothing on this plant.
+
+    Raises: ConfigError
+    """
+    if reason := disturbances.objection(scenario.plant):
+        raise ConfigError(f"{scenario.name}: {reason}")
+    for name, event in scenario.events.items():
+        if reason := disturbances.objection_to(scenario.plant, event.kind):
+            raise ConfigError(f"{scenario.name}: events.{name}: {reason}")
 
 
 def _check_set_point(scenario: Resolved) -> None:

@@ -74,6 +74,7 @@ class DisturbanceConfig(Tunable):
     efficiency_memory: correlation of a cylinder's efficiency with that of its cycle before
     manifold_scale: the manifold's pressure is so many times that of throttle and lag
     intake_warmer_k: by so much the trapped air is warmer than the engine's figure
+    exhaust_late_s: by so much later the exhaust valves open, where lines move them
     """
 
     load_scale: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
@@ -82,6 +83,7 @@ class DisturbanceConfig(Tunable):
     efficiency_memory: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
     manifold_scale: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
     intake_warmer_k: Annotated[float, Field(ge=-100.0, le=200.0)] = 0.0
+    exhaust_late_s: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
 
     @model_validator(mode="after")
     def _efficiency_is_a_range(self) -> Self:

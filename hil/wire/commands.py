@@ -1,8 +1,8 @@
 """Every command, declared once: kind, addressee, fields with unit and range.
 
 On the command key a command is one JSON object, `{"kind": "set-point", "tdc_ref_m": 0.015}`; in a
-scenario it is the same table with a time, an event. Both are read here and nowhere else; the
-ranges of the configuration that mean the same, and docs/commands.md, follow from this module.
+scenario the same table with a time, an event. The configuration's ranges that mean the same, and
+docs/commands.md, follow from this module.
 """
 
 from __future__ import annotations
@@ -31,10 +31,7 @@ def _nothing_more(_fields: Mapping[str, Scalar]) -> str:
 
 
 class Declaration(NamedTuple):
-    """A command.
-
-    check: returns what is wrong with fields that are each in their range, or nothing
-    """
+    """A command; `check` returns what is wrong with fields that are each in their range."""
 
     kind: str
     to: str
@@ -48,6 +45,7 @@ _FRACTION: Final = Number(
     "at_stroke_fraction", "1", 0.0, 1.0, "instant in the first stroke that starts from then on", 0.0
 )
 _DEAD_CENTRE: Final = _FRACTION._replace(high=0.0, meaning="misfires are at dead centres")
+_ON_THE_WAY: Final = _FRACTION._replace(low=0.01, default=0.85, meaning="instant in that stroke")
 _UNTIL_S: Final = Number("until_s", "s", 0.0, 1e6, "end, as time in the run", optional=True)
 
 TDC_REF_M: Final = Number(
@@ -102,6 +100,7 @@ DECLARED: Final = (
             Choice("cause", ("spark", "fuel"), "what is missing", "spark"), _DEAD_CENTRE,
         ),
     ),
+    Declaration("pre-ignition", PLANT, "a compressed charge lights itself", (_ON_THE_WAY,)),
     Declaration(
         "sensor-fault", PLANT, "a sensor's signal is replaced",
         (

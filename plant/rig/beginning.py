@@ -80,7 +80,7 @@ def _settled(
         raise ConfigError(f"initial fuel {fuel_kg * 1e6:g} mg is outside {low:.3f} to {high:.3f}")
     charge = charges.of_air(p, Charge(fuel_kg, 1.0))
     if p.engine.ignition == OF_ITS_OWN:
-        d = charges.preview(p, Disturbances(), 0)
+        d = disturbances.preview(p.edges, p.events, Disturbances(), 0)
         charge = Charge(fuel_kg, charges.efficiency(p, d.efficiency, 1))
     s = _at(p, p.engine.begin(charge, load_n_s_m))
     s = s.but(machine=obey(p, MachineOrder(GENERATOR, 0.0, load_n_s_m), 1.0))

@@ -12,9 +12,8 @@ from hil.rounding import nearest
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, Charge, Motion, Stop
 from plant.rig import actuation, disturbances
 from plant.rig.actuation import Actuation
-from plant.rig.disturbances import Disturbances, Due, Held
 from plant.rig.events import MISFIRE, Event
-from plant.rig.ignition import place_m
+from plant.rig.ignition import place_m, strike_ns
 from plant.rig.params import PlantParams
 from plant.rig.port import SETTLED, crossing_share, worked_out
 from plant.rig.state import PlantState
@@ -79,11 +78,11 @@ def at_dead_centre(
         return _lit(p, s, stop, side, events)
     pulses = actuation.advance(s.pulses, p.injector, stop.t_ns)
     ended = Motion(stop.x_m, 0.0, stop.lasted_s, True, 0, None)
-    pulses = placed(s.pulses, pulses, s.motion, ended, stop.t_ns)
+    pulses = placed(p, s, s.pulses, pulses, s.motion, ended, stop.t_ns)
     fuel_kg = actuation.fuel_until(pulses, p.injector, side, stop.t_ns)
     fuel_kg = metered_kg(p, fuel_kg, number, stop.t_ns)
     spark_ns = pulses.spark_ns[side]
-    d, cause = disturbances.take_misfire(s.disturbances)
+    d, cause = disturbances.take_misfire(disturbances.burnt_out(p.events, s.disturbances))
     reason = (
         f"forced, no {cause}"
         if cause
@@ -108,9 +107,12 @@ def at_dead_centre(
 
 
 def placed(
-    before: Actuation, after: Actuation, motion: Motion, ended: Motion, end_ns: float
-) -> Actuation:
-    """The lines with where the piston was at a spark that has struck between two motions.
+    p: PlantParams, s: PlantState, before: Actuation, after: Actuation, motion: Motion,
+    ended: Motion, end_ns: float,
+) -> Actuation:  # fmt: skip
+    """The lines with when a spark between two motions strikes, and where the piston is there.
+
+    Nothing is left to the spark of a charge that has caught fire by itself.
 
     Parameters: motion, ended : of one stroke; end_ns : when the second one is
     """
@@ -119,11 +121,32 @@ def placed(
     for side in (LEFT, RIGHT):
         spark_ns = after.spark_ns[side]
         if spark_ns != before.spark_ns[side] and spark_ns >= 0:
+            if side == side_ahead(s) and disturbances.is_alight(p.events, s.disturbances):
+                after = actuation.with_sparks(
+                    after, actuation.with_spark(after.spark_ns, side, before.spark_ns[side])
+                )
+                continue
+            after = delayed(p, after, side)
+            spark_ns = after.spark_ns[side]
             lasts_s = ended.tau_s - motion.tau_s
             since_s = lasts_s - (end_ns - float(spark_ns)) * 1e-9
             at_m = place_m(motion.x_m, motion.v_m_s, ended.x_m, ended.v_m_s, lasts_s, since_s)
             after = actuation.with_place(after, side, at_m)
     return after
+
+
+def delayed(p: PlantParams, pulses: Actuation, side: int) -> Actuation:
+    """The lines with a spark that strikes behind the edge of its line."""
+    edge_ns = pulses.spark_ns[side]
+    spark_ns = strike_ns(p.config.ignition.jitter_s, p.seed, side, edge_ns)
+    if spark_ns == edge_ns:
+        return pulses
+    return actuation.with_sparks(pulses, actuation.with_spark(pulses.spark_ns, side, spark_ns))
+
+
+def side_ahead(s: PlantState) -> int:
+    """Return the side of the head that the piston moves to."""
+    return RIGHT if s.stroke.direction > 0 else LEFT
 
 
 def of_air(p: PlantParams, charge: Charge) -> Charge:
@@ -167,7 +190,7 @@ def _objection(
         return "no spark"
     if stop.burnt is not None:
         return "" if stop.burnt else "not burnt by the unit"
-    if spark_ns < s.stroke.start_ns:  # behind the dead centre before: nothing was compressed yet
+    if spark_ns < s.stroke.start_ns or float(spark_ns) > stop.t_ns:  # behind a dead centre
         return "late spark"
     early_ns = stop.t_ns - float(spark_ns)
     if early_ns > p.spark_window_ns:
@@ -183,9 +206,36 @@ def _objection_to_fuel(p: PlantParams, fuel_kg: float) -> str:
     return ""
 
 
+def catch_fire(
+    p: PlantParams, s: PlantState, event: int, t_ns: i64, events: list[Event]
+) -> PlantState:
+    """Let the charge ahead light itself, if there is one and compression is enough."""
+    side = side_ahead(s)
+    way = 1.0 if side == RIGHT else -1.0
+    sparks = actuation.with_spark(s.pulses.spark_ns, side, t_ns)
+    if p.engine.ignition == BY_SPARK:
+        if actuation.fuel_until(s.pulses, p.injector, side, float(t_ns)) < p.fuel_min_kg:
+            return s
+        lit = light(p, s, side, t_ns, events, by_itself=True)
+        return lit if lit is s else lit.but(pulses=actuation.with_sparks(lit.pulses, sparks))
+    if s.pulses.spark_ns[side] >= s.stroke.start_ns or p.ignition.objection(way * s.motion.x_m):
+        return s
+    pulses = actuation.with_place(actuation.with_sparks(s.pulses, sparks), side, s.motion.x_m)
+    return s.but(pulses=pulses, disturbances=disturbances.alight(s.disturbances, event))
+
+
 def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> PlantState:
-    """Light the charge of a side, or say why it does not burn."""
-    t_ns = s.pulses.spark_ns[side]
+    """Light the charge of a side at its spark, unless it burns already."""
+    if s.lit.fuel_kg > 0.0 and side == side_ahead(s):
+        return s
+    return light(p, s, side, delayed(p, s.pulses, side).spark_ns[side], events)
+
+
+def light(
+    p: PlantParams, s: PlantState, side: int, t_ns: i64, events: list[Event],
+    by_itself: bool = False,
+) -> PlantState:  # fmt: skip
+    """Light the charge of a side, or say why it does not burn; nothing if it was to by itself."""
     fuel = actuation.fuel_until(s.pulses, p.injector, side, float(t_ns))
     fuel = metered_kg(p, fuel, s.dead_centre.number + 1, float(t_ns))
     d, cause = disturbances.take_misfire(s.disturbances)
@@ -194,6 +244,8 @@ def spark(p: PlantParams, s: PlantState, side: int, events: list[Event]) -> Plan
     reason = f"forced, no {cause}" if cause else _objection_to_spark(p, s, side, fuel)
     if not reason:
         motion, reason = p.engine.light(motion, side, t_ns, eta * fuel)
+    if reason and by_itself:
+        return s
     if reason:
         events.append(Event(t_ns, MISFIRE, f"{SIDES[side]}: {reason}"))
     else:
@@ -208,42 +260,6 @@ def _objection_to_spark(p: PlantParams, s: PlantState, side: int, fuel: float) -
     """Tell why a charge does not burn at its spark; an empty string when it does."""
     late = (side == RIGHT) != (s.stroke.direction > 0)
     return _objection_to_fuel(p, fuel) or ("late spark" if late else "")
-
-
-def ahead(
-    p: PlantParams, s: PlantState, until_ns: i64
-) -> tuple[tuple[float, float], tuple[i64, i64]]:
-    """Return both charges as they will be by then, for an engine that burns them of its own.
-
-    A charge out of range is no charge. A forced misfire holds back spark or fuel; a varying
-    efficiency scales the fuel, for E is proportional to both (thesis eq. 5.36).
-    """
-    d = preview(p, s.disturbances, until_ns)
-    pulses = s.pulses
-    if pulses.table.next_edge_ns <= until_ns:
-        pulses = actuation.advance(pulses, p.injector, float(until_ns))
-    eta = efficiency(p, d.efficiency, s.dead_centre.number + 1)
-    fuels, sparks = [0.0, 0.0], pulses.spark_ns
-    for side in (LEFT, RIGHT):
-        fuel = actuation.fuel_until(pulses, p.injector, side, float(until_ns))
-        fuel = metered_kg(p, fuel, s.dead_centre.number + 1, float(until_ns))
-        if p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires:
-            fuels[side] = eta * fuel
-        else:
-            sparks = actuation.with_spark(sparks, side, -1)
-    return (fuels[LEFT], fuels[RIGHT]), sparks
-
-
-def preview(p: PlantParams, d: Disturbances, until_ns: i64) -> Disturbances:
-    """Disturbances as they are at a dead centre before `until_ns`, if one should come."""
-    if d.next_edge >= len(p.edges) or p.edges[d.next_edge].at_ns > until_ns:
-        return d
-    d, taken = disturbances.start_stroke(p.edges, d, until_ns, 0.0)
-    for edge in taken:
-        if edge.fraction == 0.0:
-            due = Due(0.0, edge.event, edge.begins)
-            d = disturbances.apply(p.events, d, due, Held(0.0, 0.0))
-    return d
 
 
 def taken_in(

@@ -10,6 +10,8 @@ from typing import Final, final
 
 from mypy_extensions import i64
 
+from hil.config.engine.models import DETAILED_MODELS
+from hil.config.plant import PlantConfig
 from hil.values import Value, replace
 from hil.wire.commands import TimedCommand
 
@@ -17,6 +19,8 @@ LOAD_SCALE: Final = 1
 EFFICIENCY: Final = 2
 MISFIRE: Final = 4
 SENSOR_FAULT: Final = 8
+
+PRE_IGNITION: Final = "pre-ignition"
 
 _NEVER: Final = float("inf")
 
@@ -164,6 +168,8 @@ def apply(
         return replace(state, misfires=misfires, misfire_cause=event.text("cause"))
     if event.kind == "sensor-fault":
         return _apply_fault(event, state, due, held)
+    if event.kind == PRE_IGNITION:
+        return state
     active = tuple(index for index in state.active if index != due.event)
     if due.begins:
         active = (*active, due.event)
@@ -190,3 +196,61 @@ def take_misfire(state: Disturbances) -> tuple[Disturbances, str]:
     if not state.misfires:
         return (replace(state, misfired=False) if state.misfired else state), ""
     return replace(state, misfires=state.misfires - 1, misfired=True), state.misfire_cause
+
+
+def alight(state: Disturbances, event: int) -> Disturbances:
+    """A charge has caught fire by itself, until its dead centre."""
+    return replace(state, active=(*state.active, event))
+
+
+def is_alight(events: tuple[TimedCommand, ...], state: Disturbances) -> bool:
+    """Whether the charge ahead has caught fire by itself."""
+    return any(events[index].kind == PRE_IGNITION for index in state.active)
+
+
+def burnt_out(events: tuple[TimedCommand, ...], state: Disturbances) -> Disturbances:
+    """The next charge is another one."""
+    if not state.active or not is_alight(events, state):
+        return state
+    active = tuple(index for index in state.active if events[index].kind != PRE_IGNITION)
+    return replace(state, active=active)
+
+
+def preview(
+    edges: tuple[Edge, ...], events: tuple[TimedCommand, ...], d: Disturbances, until_ns: i64
+) -> Disturbances:
+    """Disturbances as they are at a dead centre before `until_ns`, if one should come."""
+    if d.next_edge >= len(edges) or edges[d.next_edge].at_ns > until_ns:
+        return d
+    d, taken = start_stroke(edges, d, until_ns, 0.0)
+    for edge in taken:
+        if edge.fraction == 0.0:
+            d = apply(events, d, Due(0.0, edge.event, edge.begins), Held(0.0, 0.0))
+    return d
+
+
+def objection(config: PlantConfig) -> str:
+    """Tell which disturbance finds nothing to disturb; an empty string when none."""
+    if config.disturbance.exhaust_late_s > 0.0 and config.valves.moved_by != "lines":
+        return (
+            "plant.disturbance.exhaust_late_s: no line moves a valve; accepted with"
+            " controller.timing.valves = controller"
+        )
+    return ""
+
+
+def objection_to(config: PlantConfig, kind: str) -> str:
+    """Tell why a fault of that kind would do nothing to this plant; an empty string when it would.
+
+    An engine of the user's may do with its charges as it likes.
+    """
+    if kind != PRE_IGNITION or config.own.file or config.model in DETAILED_MODELS:
+        return ""
+    if config.model == "fmu":
+        return f"{kind}: a unit lights its charges of its own; accepted on the other models"
+    if config.ignition.work == "map":
+        return ""
+    return (
+        f"{kind}: on model {config.model} the work is the same whenever a charge is lit; accepted"
+        f" with plant.ignition.work = map, or on {', '.join(DETAILED_MODELS)}"
+    )

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from typing import final
 
+from mypy_extensions import i64
+
 from hil.config.charge.ignition import IgnitionConfig
 from hil.config.prototypes import Prototype
+from hil.randoms import SPARK, normal_pair
+from hil.rounding import nearest
 from hil.values import Value
 
 
@@ -54,6 +58,17 @@ def ignition_of(config: IgnitionConfig, engine: Prototype) -> Ignition:
     if config.work == "constant":
         return Ignition(from_m, config.least_pa, (), ())
     return Ignition(from_m, config.least_pa, config.lead_s, config.factor)
+
+
+def strike_ns(jitter_s: float, seed: int, side: int, edge_ns: i64) -> i64:
+    """When a spark strikes whose line rises at an instant: |z| jitter later, z standard normal.
+
+    The draw belongs to that instant, so that a run has the same however it came there.
+    """
+    if jitter_s == 0.0:
+        return edge_ns
+    z = normal_pair(seed, SPARK, edge_ns)[side]
+    return edge_ns + nearest(abs(z) * jitter_s * 1e9)
 
 
 def place_m(x0: float, v0: float, x1: float, v1: float, lasts_s: float, after_s: float) -> float:

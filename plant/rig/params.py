@@ -137,7 +137,9 @@ def rig_params(
         edges=compile_edges(tuple(events.values())),
         delay_ticks=config.command_delay_ticks,
         rearm=rearm,
-        valves=actuators_of(config.valves, seed, engine.valve_lift_m),
+        valves=actuators_of(
+            config.valves, seed, engine.valve_lift_m, config.disturbance.exhaust_late_s
+        ),
         intake=intake_of(config.air, prototype),
         instrumented=config.indicator.on or config.winding.on,
         ignition=ignition_of(config.ignition, prototype),

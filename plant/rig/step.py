@@ -22,7 +22,7 @@ from plant.engines.protocol import (
     Motion,
     Moved,
 )
-from plant.rig import actuation, charges, indicator, orders, valves
+from plant.rig import actuation, charges, disturbances, indicator, orders, valves
 from plant.rig.actuation import Actuation
 from plant.rig.disturbances import Held
 from plant.rig.events import VALVE_CONTACT, Event
@@ -86,7 +86,7 @@ def _quiet_tick(p: PlantParams, s: PlantState) -> PlantState | None:
     if at_edge:
         before = pulses
         pulses = actuation.advance(before, p.injector, float(end_ns))
-        pulses = charges.placed(before, pulses, s.motion, motion, float(end_ns))
+        pulses = charges.placed(p, s, before, pulses, s.motion, motion, float(end_ns))
     return _at_next_tick(s, motion, pulses)
 
 
@@ -114,7 +114,7 @@ def _busy_tick(p: PlantParams, s: PlantState, events: list[Event]) -> PlantState
     stroke = s.stroke
     if stroke.number != number:
         held_from = Motion(stroke.start_x_m, 0.0, 0.0, True, stroke.direction, None)
-    pulses = charges.placed(s.pulses, pulses, held_from, s.motion, float(end_ns))
+    pulses = charges.placed(p, s, s.pulses, pulses, held_from, s.motion, float(end_ns))
     return _at_next_tick(s, s.motion, pulses)
 
 
@@ -136,12 +136,39 @@ def _ahead(p: PlantParams, s: PlantState, now_ns: float, used_s: float, part: in
 def _inputs(p: PlantParams, s: PlantState, ahead: Ahead) -> Inputs:
     """What this engine is told for its next part of the tick."""
     if p.engine.ignition == OF_ITS_OWN:
-        fuel_kg, spark_ns = charges.ahead(p, s, ahead.until_ns)
+        fuel_kg, spark_ns = _charges_ahead(p, s, ahead.until_ns)
         return Inputs(s.machine, _NO_VALVES, fuel_kg, spark_ns)
     levels = s.pulses.valves.levels if p.engine.valves else _NO_VALVES
     share = s.manifold.pressure_pa(s.tick * p.period_ns) / p.intake.full_pa
     share *= p.config.disturbance.manifold_scale
     return Inputs(s.machine, levels, _NO_FUEL, _NO_SPARK, share)
+
+
+def _charges_ahead(
+    p: PlantParams, s: PlantState, until_ns: i64
+) -> tuple[tuple[float, float], tuple[i64, i64]]:
+    """Return both charges as they will be by then, for an engine that burns them of its own.
+
+    A charge out of range is no charge. A forced misfire holds back spark or fuel; a varying
+    efficiency scales the fuel, for E is proportional to both (thesis eq. 5.36).
+    """
+    d = disturbances.preview(p.edges, p.events, s.disturbances, until_ns)
+    pulses = s.pulses
+    if pulses.table.next_edge_ns <= until_ns:
+        pulses = actuation.advance(pulses, p.injector, float(until_ns))
+    eta = charges.efficiency(p, d.efficiency, s.dead_centre.number + 1)
+    for side in (charges.LEFT, charges.RIGHT):
+        if pulses.spark_ns[side] != s.pulses.spark_ns[side]:
+            pulses = charges.delayed(p, pulses, side)
+    fuels, sparks = [0.0, 0.0], pulses.spark_ns
+    for side in (charges.LEFT, charges.RIGHT):
+        fuel = actuation.fuel_until(pulses, p.injector, side, float(until_ns))
+        fuel = charges.metered_kg(p, fuel, s.dead_centre.number + 1, float(until_ns))
+        if p.fuel_min_kg <= fuel <= p.fuel_max_kg and not d.misfires:
+            fuels[side] = eta * fuel
+        else:
+            sparks = actuation.with_spark(sparks, side, -1)
+    return (fuels[charges.LEFT], fuels[charges.RIGHT]), sparks
 
 
 def _arrive(

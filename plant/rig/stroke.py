@@ -9,7 +9,7 @@ from hil.values import replace
 from plant.engines.protocol import BY_SPARK, NO_CHARGE, SLOW_SIGNALS, Charge, Motion, Stop
 from plant.rig import charges, disturbances, indicator
 from plant.rig.charges import LEFT, RIGHT, SIDES
-from plant.rig.disturbances import Due, Edge, Held
+from plant.rig.disturbances import PRE_IGNITION, Due, Edge, Held
 from plant.rig.events import AT_REST, CONTACT, DISTURBANCE, IN_MOTION, Event
 from plant.rig.orders import obey
 from plant.rig.params import PlantParams
@@ -141,6 +141,8 @@ def take_due(
     """Apply the disturbance that is due here."""
     d, due = disturbances.pop(s.disturbances)
     s = apply_due(p, s.but(disturbances=d), due, t_ns, held, events)
+    if p.events[due.event].kind == PRE_IGNITION:
+        s = charges.catch_fire(p, s, due.event, t_ns, events)
     return act(p, s, t_ns, events)
 
 

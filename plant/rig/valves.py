@@ -14,10 +14,11 @@ from hil.config.plant import ValvesConfig
 from hil.randoms import VALVE, normal_pair
 from hil.rounding import nearest
 from hil.values import NEVER, Value
-from hil.wire.messages import CHANNELS, VALVES
+from hil.wire.messages import CHANNELS, EXHAUST_LEFT, EXHAUST_RIGHT, VALVES
 from hil.wire.pulses import Edge
 
 _FIRST: Final[i64] = VALVES[0]
+_EXHAUSTS: Final = (EXHAUST_LEFT, EXHAUST_RIGHT)
 _MOST_DEVIATIONS: Final = 3.0
 """A draw beyond three standard deviations is one of three: no valve moves before its edge."""
 
@@ -29,13 +30,17 @@ class ValveActuators(Value):
     by_lines: whether a controller moves the valves: the piston's programme is off, but for the
         settled motion in which a run may begin, where each valve keeps to it until its first pulse
     clearance_m: gap between piston and head below which an open valve is struck
+    exhaust_late_ns: what opens an exhaust valve is so much slower
     """
 
-    __slots__ = ("opening_ns", "closing_ns", "spread_ns", "seed", "by_lines", "clearance_m")
+    __slots__ = (
+        "opening_ns", "closing_ns", "spread_ns", "seed", "by_lines", "clearance_m",
+        "exhaust_late_ns",
+    )  # fmt: skip
 
     def __init__(
         self, opening_ns: i64, closing_ns: i64, spread_ns: float, seed: int, by_lines: bool,
-        clearance_m: float,
+        clearance_m: float, exhaust_late_ns: i64 = 0,
     ) -> None:  # fmt: skip
         self.opening_ns = opening_ns
         self.closing_ns = closing_ns
@@ -43,18 +48,27 @@ class ValveActuators(Value):
         self.seed = seed
         self.by_lines = by_lines
         self.clearance_m = clearance_m
+        self.exhaust_late_ns = exhaust_late_ns
 
 
 IDEAL: Final = ValveActuators(0, 0, 0.0, 0, False, 0.0)
 """A valve moves with its line."""
 
 
-def actuators_of(config: ValvesConfig, seed: int, lift_m: float) -> ValveActuators:
-    """Flatten section `valves` of a plant's configuration."""
+def actuators_of(
+    config: ValvesConfig, seed: int, lift_m: float, exhaust_late_s: float
+) -> ValveActuators:
+    """Flatten section `valves` of a plant's configuration, and what disturbs them."""
     return ValveActuators(
         round(config.opening_s * 1e9), round(config.closing_s * 1e9), config.deviation_s * 1e9,
         seed, config.moved_by == "lines", max(lift_m - config.pocket_m, 0.0),
+        late_ns(exhaust_late_s),
     )  # fmt: skip
+
+
+def late_ns(late_s: float) -> i64:
+    """A delay in nanoseconds."""
+    return nearest(late_s * 1e9)
 
 
 @final
@@ -112,6 +126,8 @@ def ordered(valves: Valves, actuators: ValveActuators, edge: Edge) -> Valves:
     to close before it has begun to open stays shut.
     """
     delay_ns = actuators.opening_ns if edge.high else actuators.closing_ns
+    if edge.high and edge.channel in _EXHAUSTS:
+        delay_ns += actuators.exhaust_late_ns
     if actuators.spread_ns > 0.0:
         z = normal_pair(actuators.seed, VALVE, valves.count)[0]
         z = min(max(z, -_MOST_DEVIATIONS), _MOST_DEVIATIONS)

@@ -30,6 +30,7 @@ EVENTS = {
     "load-scale": {"value": 0.9},
     "efficiency": {"low": 0.95},
     "misfire": {"count": 1},
+    "pre-ignition": {"at_stroke_fraction": 0.9},
     "sensor-fault": {"signal": "x", "duration_s": 0.004, "substitute": "offset", "value": 0.001},
     "start": {},
     "stop": {},

@@ -270,16 +270,17 @@ def test_every_command_does_the_same(bench, command, row):
 @contextmanager
 def pair(way: str, where: Path):
     """A pair that runs in real time, and is interrupted in the end."""
-    process = hil(way, where, "run steady --link zenoh --clock realtime --no-report --out live"
-                  " --set run.duration_s=300 --set loop.rate_hz=250")  # fmt: skip
-    try:
-        yield process
-        process.send_signal(signal.SIGINT)
-        assert finished(process)[0] == 130
-    finally:
-        if process.poll() is None:
-            process.kill()
-            process.communicate()
+    run = "run steady --link zenoh --clock realtime --no-report --out live"
+    run += " --set run.duration_s=300 --set loop.rate_hz=500"
+    run += " --set plant.stale_s=0.1 --set controller.limits.stale_s=0.1"
+    with hil(way, where, run) as process:
+        try:
+            yield process
+            process.send_signal(signal.SIGINT)
+            assert finished(process)[0] == 130
+        finally:
+            if process.poll() is None:
+                process.kill()
 
 
 def asked(way: str, where: Path, arguments: str) -> tuple[int, str, str]:

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from drivers.channels import is_stop, origin_text
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from hil.wire import answers, commands, status
 from hil.wire.answers import CommandAnswer
@@ -53,7 +54,7 @@ def test_no_escape_of_a_stranger_reaches_a_terminal():
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-32", "utf-7"])
 def test_a_command_in_another_encoding_is_refused_or_not_ours(encoding):
     raw = '{"kind": "misfire", "count": 2, "cause": "spark"} +'.encode(encoding)
-    assert faults.parse(raw, "hil", 0) is None
+    assert faults.parse(raw, "hil", 0, PlantConfig()) is None
     with pytest.raises(ConfigError, match="command from hil: not JSON in UTF-8"):
         commands.parse(raw, "hil")
 

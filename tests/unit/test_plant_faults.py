@@ -6,6 +6,7 @@ import pytest
 
 from bench.run.resolve import resolve
 from bench.run.scenarios import read
+from hil.config.plant import PlantConfig
 from hil.errors import ConfigError
 from plant import faults
 from plant.build import make_params
@@ -15,7 +16,7 @@ from plant.rig.step import step
 
 
 def order(**fields):
-    return faults.parse(json.dumps(fields).encode(), "desk", 10_000_000)
+    return faults.parse(json.dumps(fields).encode(), "desk", 10_000_000, PlantConfig())
 
 
 def test_a_fault_is_a_scenario_event_that_begins_now():
@@ -25,7 +26,7 @@ def test_a_fault_is_a_scenario_event_that_begins_now():
 
 @pytest.mark.parametrize("raw", [b"[", b"3", b'{"kind": "start"}', b'{"kind": "set-point"}'])
 def test_what_is_for_the_controller_is_left_alone(raw):
-    assert faults.parse(raw, "desk", 0) is None
+    assert faults.parse(raw, "desk", 0, PlantConfig()) is None
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,9 @@ Works = Annotated[tuple[Work, ...], Field(max_length=200, json_schema_extra=FIXE
 
 
 class IgnitionConfig(Tunable):
-    """Ignition on the fast models: what catches fire, and the work by the time of the spark.
+    """Ignition: how late sparks strike; on the fast models also what catches fire, and its work.
 
+    jitter_s: a spark strikes so much times |z| behind its line's edge, z standard normal
     least_pa: less compressed, a charge does not catch fire; assumed
     work: the same whenever it is lit, or by the map below
     burn_s: duration of a combustion (thesis eq. 3.19), from which the bench makes the map
@@ -25,6 +26,7 @@ class IgnitionConfig(Tunable):
         the settled stroke's unless given (`hil engine ignition`)
     """
 
+    jitter_s: Annotated[float, Field(ge=0.0, le=0.005)] = 0.0
     least_pa: PressurePa = 2.0e5
     work: Literal["constant", "map"] = Field("constant", json_schema_extra=FIXED)
     burn_s: Annotated[float, Field(gt=0.0, le=0.05, json_schema_extra=FIXED)] = 5.0e-3
