@@ -10,10 +10,14 @@ from hil.errors import ConfigError
 from hil.wire.messages import EXHAUST_RIGHT, INTAKE_LEFT
 from hil.wire.pulses import Edge, Pulse, PulseOrder
 from plant.rig import valves
-from plant.rig.valves import UNUSED, actuators_of
+from plant.rig.valves import UNUSED
 
 LIFT_M = 4e-3
 PULSE = Pulse(PulseOrder(INTAKE_LEFT, 0, 1), 0, 1000)
+
+
+def actuators_of(exhaust_late_s=0.0, seed=1, **valves_config):
+    return valves.actuators_of(ValvesConfig(**valves_config), seed, LIFT_M, exhaust_late_s)
 
 
 def edge(t_ns, is_high, channel=INTAKE_LEFT):
@@ -21,7 +25,7 @@ def edge(t_ns, is_high, channel=INTAKE_LEFT):
 
 
 def test_a_valve_moves_its_delay_after_the_edge_and_is_told_once():
-    actuators = actuators_of(ValvesConfig(opening_delay_s=3e-3, closing_delay_s=2e-3), 1, LIFT_M)
+    actuators = actuators_of(opening_delay_s=3e-3, closing_delay_s=2e-3)
     v = valves.ordered(UNUSED, actuators, edge(1_000_000, True))
     assert v.next_ns == 4_000_000
     assert valves.moved(v, 3_999_999.0) is v
@@ -34,8 +38,18 @@ def test_a_valve_moves_its_delay_after_the_edge_and_is_told_once():
     assert [(m.t_ns, m.is_open) for m in v.told] == [(11_000_000, False)]
 
 
+@pytest.mark.parametrize(
+    ("channel", "is_high", "late_ns"),
+    [(EXHAUST_RIGHT, True, 5_000_000), (EXHAUST_RIGHT, False, 2_000_000),
+     (INTAKE_LEFT, True, 3_000_000)],
+)  # fmt: skip
+def test_a_late_exhaust_valve_opens_late_and_closes_in_time(channel, is_high, late_ns):
+    actuators = actuators_of(2e-3, opening_delay_s=3e-3, closing_delay_s=2e-3)
+    assert valves.ordered(UNUSED, actuators, edge(0, is_high, channel)).next_ns == late_ns
+
+
 def test_a_pulse_that_is_over_before_the_valve_has_begun_does_not_open_it():
-    actuators = actuators_of(ValvesConfig(opening_delay_s=8e-3, closing_delay_s=2e-3), 1, LIFT_M)
+    actuators = actuators_of(opening_delay_s=8e-3, closing_delay_s=2e-3)
     v = valves.ordered(UNUSED, actuators, edge(1_000_000, True))
     v = valves.moved(valves.ordered(v, actuators, edge(2_000_000, False)), 2e7)
     assert v.levels[0] == 0
@@ -43,8 +57,7 @@ def test_a_pulse_that_is_over_before_the_valve_has_begun_does_not_open_it():
 
 
 def test_delays_spread_as_configured_and_never_lead_their_edge():
-    config = ValvesConfig(kind="pneumatic", opening_delay_s=0.5e-3)
-    actuators = actuators_of(config, 3, LIFT_M)
+    actuators = actuators_of(seed=3, kind="pneumatic", opening_delay_s=0.5e-3)
     v, delays = UNUSED, []
     for number in range(2000):
         t_ns = number * 100_000_000
@@ -59,7 +72,7 @@ def test_delays_spread_as_configured_and_never_lead_their_edge():
 
 @pytest.mark.parametrize(("gap_m", "struck"), [(0.6e-3, 0), (0.4e-3, 1)])
 def test_an_open_valve_is_struck_nearer_than_its_lift_less_the_pocket(gap_m, struck):
-    actuators = actuators_of(ValvesConfig(pocket_m=3.5e-3), 1, LIFT_M)
+    actuators = actuators_of(pocket_m=3.5e-3)
     v = valves.moved(valves.ordered(UNUSED, actuators, edge(0, True)), 1.0)
     assert valves.strike(v, actuators, (gap_m, 0.03)) == struck
     assert valves.strike(v, actuators, (0.03, gap_m)) == 0
