@@ -106,7 +106,7 @@ def _snapshot(log: Log, strokes: int) -> LoopMemory | None:
     records = list(log.records("/snapshot", near))
     if not records:
         return None
-    stroke_s = snapshot.loads(LoopMemory, records[-1].state).state.motion.inner.last_s
+    stroke_s = snapshot.loads(LoopMemory, records[-1].state).state.motion.inner.lasted_s[-1]
     span_ns = max(_LEAST_NS, round(_CYCLES_NEEDED * strokes * stroke_s * 1e9))
     early = [record for record in records if record.t_ns <= log.end_ns - span_ns]
     return snapshot.loads(LoopMemory, early[-1].state) if early else None

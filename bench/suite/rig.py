@@ -108,7 +108,7 @@ class Rig:
         self.engine.order(command.table(), command.to)
 
     def fault(self, kind: str, **fields: Any) -> None:  # noqa: ANN401
-        """Let something fail: misfire, sensor-fault, load-scale, efficiency.
+        """Let something fail: misfire, pre-ignition, sensor-fault, load-scale, efficiency.
 
         Raises: ConfigError as `order`
         """

@@ -36,6 +36,8 @@ _SECOND_NS: Final = 1e9
 _FIRST_STROKE_S: Final = 0.02
 _WARM_NS: Final = 1e3
 _VALVE_LINES: Final = 4
+_STROKES: Final = {"four-stroke": 4}
+"""Strokes of a cycle, two of any other."""
 _RATES: Final = 7
 """Row of the scratch space that rates are written to."""
 
@@ -45,17 +47,16 @@ class DetailedState(Value):
     """The engine between two instants; y and d are the bytes of the solver's arrays.
 
     contacts: those that the rig has been told of
-    before_s, last_s: durations of the two strokes before
+    lasted_s: durations of the strokes of a cycle before this one, the oldest first
     """
 
-    __slots__ = ("y", "d", "contacts", "before_s", "last_s")
+    __slots__ = ("y", "d", "contacts", "lasted_s")
 
-    def __init__(self, y: bytes, d: bytes, contacts: int, before_s: float, last_s: float) -> None:
+    def __init__(self, y: bytes, d: bytes, contacts: int, lasted_s: tuple[float, ...]) -> None:
         self.y = y
         self.d = d
         self.contacts = contacts
-        self.before_s = before_s
-        self.last_s = last_s
+        self.lasted_s = lasted_s
 
 
 def build(config: PlantConfig, _period_ns: int) -> DetailedEngine:
@@ -89,11 +90,15 @@ class DetailedEngine(Engine):
         """
         if charge is None:
             y, d, _ = at_rest(self.engine)
-            return _motion(y, d, 0, 0, _FIRST_STROKE_S, _FIRST_STROKE_S)
+            return _motion(y, d, 0, 0, self._cycle_of(_FIRST_STROKE_S))
         found = settle(self.engine.calibration, charge.fuel_kg, load_n_s_m)
         y, d = found.y.copy(), found.d.copy()
         begin(self.engine, Arrays(y, d, self._record), 1)
-        return _motion(y, d, 0, 0, found.stroke_s, found.stroke_s)
+        return _motion(y, d, 0, 0, self._cycle_of(found.stroke_s))
+
+    def _cycle_of(self, stroke_s: float) -> tuple[float, ...]:
+        """Durations of a cycle of equal strokes, until there are others."""
+        return (stroke_s,) * _STROKES.get(self.engine.calibration.cycle.kind, 2)
 
     def advance(self, m: Motion, inputs: Inputs, ahead: Ahead) -> Moved:
         """Move on to the next dead centre, edge or disturbance, or to the tick's end."""
@@ -105,7 +110,7 @@ class DetailedEngine(Engine):
         until_ns = min(float(ahead.end_ns), float(ahead.edge_ns), ahead.due_ns)
         if self._move(y, d, until_ns):
             return self._stopped(s, y, d, ahead)
-        moved = _motion(y, d, ahead.stroke_ns, s.contacts, s.before_s, s.last_s)
+        moved = _motion(y, d, ahead.stroke_ns, s.contacts, s.lasted_s)
         at_edge, at_due = until_ns >= ahead.edge_ns, until_ns >= ahead.due_ns
         return Moved(moved, until_ns, 0.0, None, at_edge, at_due, until_ns >= ahead.end_ns)
 
@@ -115,7 +120,7 @@ class DetailedEngine(Engine):
         lasted_s = (t_ns - ahead.stroke_ns) / _SECOND_NS
         contacts = int(d[at.CONTACTS])
         stop = Stop(t_ns, float(d[at.DC_X]), lasted_s, 1, contacts - s.contacts, True, None)
-        motion = _motion(y, d, t_ns, contacts, s.last_s, lasted_s)
+        motion = _motion(y, d, t_ns, contacts, (*s.lasted_s[1:], lasted_s))
         return Moved(motion, t_ns, 0.0, stop, False, False, False)
 
     def _impose(self, machine: Machine, d: Array) -> None:
@@ -161,7 +166,7 @@ class DetailedEngine(Engine):
         e = at.CYL + side * at.CYL_STRIDE
         d[e + at.SPARK_T] = t_ns / _SECOND_NS
         d[e + at.Q_IN] = fuel_kg * self.engine.calibration.heat.heating_value_j_kg
-        lit = DetailedState(s.y, d.tobytes(), s.contacts, s.before_s, s.last_s)
+        lit = DetailedState(s.y, d.tobytes(), s.contacts, s.lasted_s)
         return Motion(m.x_m, m.v_m_s, m.tau_s, m.moving, m.heading, lit), ""
 
     def gaps_m(self, m: Motion) -> tuple[float, float]:
@@ -175,8 +180,8 @@ class DetailedEngine(Engine):
         return float(d[e + at.CYCLE_P]), float(d[e + at.CYCLE_X]), float(d[e + at.CYCLE_RISE])
 
     def stroke_s(self, m: Motion, _machine: Machine, _now_ns: int, _begun_ns: int) -> float:
-        """The last stroke the same way; how this one ends is not known before it is over."""
-        return _state(m).before_s
+        """The same stroke of the cycle before; how this one ends is not known before it is over."""
+        return _state(m).lasted_s[0]
 
     def sensed(self, m: Motion, _machine: Machine) -> Sensed:
         """Return what the arrays hold."""
@@ -202,11 +207,11 @@ def _arrays(s: DetailedState) -> tuple[Array, Array]:
 
 
 def _motion(
-    y: Array, d: Array, stroke_ns: int, contacts: int, before_s: float, last_s: float
+    y: Array, d: Array, stroke_ns: int, contacts: int, lasted_s: tuple[float, ...]
 ) -> Motion:
     """Put the arrays into a value; before the first dead centre they say where it goes."""
     direction = int(d[at.DIRECTION])
-    inner = DetailedState(y.tobytes(), d.tobytes(), contacts, before_s, last_s)
+    inner = DetailedState(y.tobytes(), d.tobytes(), contacts, lasted_s)
     tau_s = float(d[at.T]) - stroke_ns / _SECOND_NS
     heading = direction if d[at.DC_NUMBER] == 0.0 else 0
     return Motion(float(y[at.X]), float(y[at.V]), tau_s, direction != 0, heading, inner)
