@@ -41,6 +41,9 @@ EVENTS = {
 }
 """One of every kind of event, the plant's and the operator's."""
 
+_NEEDS = {"pre-ignition": [("plant.ignition.work", "map")]}
+"""What else there has to be for an event of a kind."""
+
 _LOCKSTEP = [("link.kind", "memory"), ("loop.clock", "lockstep")]
 _SHORT = [("run.duration_s", 0.5)]
 _STEP = [*_SHORT, ("events.load.at_s", 0.2)]
@@ -75,7 +78,7 @@ def _with_event(directory: Path) -> Iterator[tuple[str, tuple[str, Changes]]]:
         event = {"kind": kind, "at_s": at_s, **fields}
         lines = [f"{key} = {json.dumps(value)}\n" for key, value in event.items()]
         path.write_text(f"[events.this]\n{''.join(lines)}")
-        yield f"{kind} at {at_s:g} s", (str(path), _SHORT)
+        yield f"{kind} at {at_s:g} s", (str(path), [*_SHORT, *_NEEDS.get(kind, [])])
 
 
 def outcome(scenario: str, changes: Changes, out: Path) -> str:

