@@ -86,10 +86,15 @@ class OldSamples:
         self._newest_tick = newest_tick
 
     def go_on(self, heard_tick: int, *, is_over: bool) -> bool:
-        """Take note of a turn; returns whether it has gone on for too long."""
-        if heard_tick > self._newest_tick or not is_over:
-            self._newest_tick = max(heard_tick, self._newest_tick)
+        """Take note of a turn; returns whether it has gone on for too long.
+
+        A turn without a sample tells neither one nor the other: a machine that stalls has many.
+        """
+        if heard_tick > self._newest_tick:
+            self._newest_tick = heard_tick
             self._since_ns = 0
+            return False
+        if not is_over:
             return False
         now_ns = time.monotonic_ns()
         self._since_ns = self._since_ns or now_ns

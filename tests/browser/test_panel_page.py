@@ -126,7 +126,7 @@ def test_pause_holds_and_the_last_minute_comes_at_full_rate(panel):
     panel.click("#full")
     panel.wait_for_function("Panel.group.range[1] - Panel.group.range[0] > 50")
     t = panel.evaluate("Array.from(Panel.trackOf('plant.truth.x_m').x())")
-    end = panel.evaluate("Panel.group.whole[1]")  # what has come since then may be thinned
+    end = panel.evaluate("Panel.group.range[1]")  # what has come since then may be thinned
     steps = {round((b - a) * 1000) for a, b in pairwise(t) if b <= end}
     assert steps == {1}
     assert t[-1] > held

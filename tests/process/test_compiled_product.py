@@ -262,7 +262,7 @@ def test_every_command_does_the_same(bench, command, row):
 def pair(way: str, where: Path):
     """A pair that runs in real time, and is interrupted in the end."""
     run = "run steady --link zenoh --clock realtime --no-report --out live"
-    run += " --set run.duration_s=300 --set loop.rate_hz=500"
+    run += " --set run.duration_s=300"
     run += " --set plant.stale_s=0.1 --set controller.limits.stale_s=0.1"
     with hil(way, where, run) as process:
         try:

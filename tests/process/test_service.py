@@ -89,21 +89,22 @@ def config(tmp_path: Path) -> Path:
         f"""
 begins = "at-rest"
 [loop]
-rate_hz = 250
+rate_hz = 1000
 peer_timeout_s = 30
 [link.zenoh]
 plant_endpoint = "unixsock-stream/{tmp_path}/p.sock"
 controller_endpoint = "unixsock-stream/{tmp_path}/c.sock"
 [safety]
 rearm = true
+[plant]
+stale_s = 0.1
 [controller]
 running = false
 tdc_ref_m = 0.0155
+limits.stale_s = 0.1
 [events]
-start = {{ kind = "start", at_s = 1.0 }}
-again = {{ kind = "start", at_s = 3.0 }}
-at-last = {{ kind = "start", at_s = 5.0 }}
 """
+        + "".join(f'start-{k} = {{ kind = "start", at_s = {k} }}\n' for k in range(1, 6))
     )
     return path
 

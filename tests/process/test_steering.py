@@ -24,7 +24,7 @@ begins = "at-rest"
 [run]
 duration_s = 600
 [loop]
-rate_hz = 250
+rate_hz = 1000
 peer_timeout_s = 15
 [log]
 enabled = false
