@@ -254,7 +254,7 @@ def test_every_command_does_the_same(bench, command, row):
         printed = timeless(out.replace(str(bench / way), "")) if row.same else ""
         told[way] = code, printed, PROGRESS.sub("", err)
         if not row.same:  # what measures may find that interpreted loops take too long
-            told[way] = code in (0, 1, 4), printed, err
+            told[way] = code in (0, 1, 4), printed, PROGRESS.sub("", err)
     assert told["compiled"] == told["interpreted"]
 
 
